@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.wording.units import IMPERIAL_TORQUE, TORQUE
 from pmg.sim.signals import REVOLUTION, RPM
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ ROTARY = Axis(
     along="turn",
     positions={"rad": 1.0, "mrad": 1e-3, "deg": DEGREE, "rev": REVOLUTION},
     speeds={"rad/s": 1.0, "rpm": RPM, "deg/s": DEGREE, "rev/s": REVOLUTION},
-    forces={"N m": 1.0, "mN m": 1e-3, "kN m": 1e3, "V": 1.0, "A": 1.0},
+    forces={**TORQUE, **IMPERIAL_TORQUE, "V": 1.0, "A": 1.0},
     factor="newton_metre_per_unit",
     shown=("mrad", 1e-3),
     periods=(REVOLUTION / 360.0, 20.0 * REVOLUTION),

@@ -14,6 +14,8 @@ TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, 
 
 FREQUENCY = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
 TORQUE = {"N m": 1.0, "mN m": 1e-3, "kN m": 1e3}
+IMPERIAL_TORQUE = {"lbf ft": 1.3558179483, "lbf in": 0.1129848290, "ozf in": 0.0070615518, "kgf m": 9.80665}
+"""Torques as data sheets and old transducers give them (NIST SP 811, appendix B)."""
 ELECTRIC = {"V": 1.0, "mV": 1e-3, "A": 1.0, "mA": 1e-3}
 COUNT = {"1": 1.0}
 ANGLE = {"rad": 1.0, "mrad": MILLI, "deg": math.pi / 180.0, "rev": REVOLUTION}
@@ -44,6 +46,16 @@ OTHER_WORDS = {
     "N·m": "N m",
     "N*m": "N m",
     "mNm": "mN m",
+    "lb-ft": "lbf ft",
+    "lbf-ft": "lbf ft",
+    "ft-lb": "lbf ft",
+    "ft-lbf": "lbf ft",
+    "ft lbf": "lbf ft",
+    "in-lb": "lbf in",
+    "lbf-in": "lbf in",
+    "in lbf": "lbf in",
+    "oz-in": "ozf in",
+    "kgm": "kgf m",
     "kNm": "kN m",
     "1/min": "rpm",
     "min-1": "rpm",

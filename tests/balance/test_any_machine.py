@@ -23,7 +23,7 @@ from pmg.pipeline.diagnosis.balance import contest
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.contest import ModelStep
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
-from pmg.pipeline.diagnosis.balance.document import headline, percent, terms_document, terms_lines
+from pmg.pipeline.diagnosis.balance.document import free_run_lines, headline, percent, terms_document, terms_lines
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE, ROTARY_DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import Motion
 from pmg.pipeline.diagnosis.balance.periods import MOST, MOST_VALUES, PER_PERIOD, periods
@@ -90,7 +90,7 @@ def test_a_machine_that_turns_is_named_in_its_own_units(tmp_path: Path, channels
     document = terms_document(found)
     assert "standard_deviation_Nm" in document["noise"]
     assert all("rms_error_rad" in run for run in document["free_runs"])
-    assert "mrad rms" in "\n".join(terms_lines(found))
+    assert "mrad rms" in "\n".join(free_run_lines(found))
     assert "Relative torque error" in headline(found)
 
 

@@ -153,7 +153,7 @@ def test_a_force_outside_the_library_is_said_to_be_so(tmp_path: Path) -> None:
     assert bool(near) is not lines[0].startswith("No term")
     said = {each.question: " ".join(each.sentences) for each in machine_sheet(found, goes_on=False).answers}
     for each in near[:1]:
-        assert f"The closest, {each.title}, explains {each.share:.0%} of it." in said["Cause"]
+        assert f"The closest, {each.title}, explains {each.share:.0%} of it, but " in said["Cause"]
         assert each.test.rstrip(".")[1:] in said["Next test"]
     assert said["Next test"]
 

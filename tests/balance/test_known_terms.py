@@ -138,6 +138,8 @@ def test_a_size_that_goes_with_its_recordings_is_not_written_and_not_taken(
     done = run_machine(str(written(tmp_path, MACHINE)), folder, tmp_path / "out")
     assert named in {step["added"] for step in done.data["models"]}
     assert not (tmp_path / "out" / WITH_CAUSE).exists()
+    (cause,) = done.data["causes"]
+    assert ("once a turn of this shaft" in cause["remark"]) is (named == "position_ripple")
     rows = {
         "drive_fade": (("drive_fade", "f", 0.3, "1"),),
         "position_ripple": (

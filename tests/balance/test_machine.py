@@ -25,6 +25,8 @@ from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.machine.power import steady_points
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.machine.axis import ROTARY
+from pmg.pipeline.machine.channel import Channel, in_si
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.machine.shipped import shipped
 from pmg.pipeline.machine.show import shown_machine
@@ -373,3 +375,11 @@ def test_a_current_is_a_torque_by_the_constant_of_its_motor(tmp_path: Path) -> N
     by_factor, _ = read_recordings(case_of(read_machine(changed(tmp_path, (plain, stated), whole, of=drive)), records))
     np.testing.assert_allclose(found.force, by_factor.force, rtol=1e-12)
     assert np.corrcoef(found.force, found.thin(found.motion.acceleration[:, None])[:, 0])[0, 1] > 0.5
+
+
+@pytest.mark.parametrize(
+    ("unit", "newton_metres"), [("lbf ft", 0.3048 * 4.4482216), ("lbf in", 0.0254 * 4.4482216), ("kgf m", 9.80665)]
+)
+def test_a_torque_may_be_in_the_units_of_old_data_sheets(unit: str, newton_metres: float) -> None:
+    _, si = in_si(Channel(name="T", unit=unit, sign=-1), ROTARY.forces)
+    assert si == pytest.approx(-newton_metres, rel=1e-6)

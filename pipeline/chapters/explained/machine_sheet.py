@@ -12,6 +12,7 @@ from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_sentence
 from pmg.pipeline.diagnosis.balance.parts import ONE_SHAFT, TWO_SHAFTS, part_of
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.rivals import why_not_named
 from pmg.pipeline.diagnosis.grid.track_record import OF_MACHINES, track_record
 from pmg.pipeline.report.action_sheet import ActionSheet, MachinePart, SheetAnswer
 from pmg.pipeline.report.document import Chart, Figure, Series
@@ -80,7 +81,8 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
     elif d.impossible:
         yield SheetAnswer("Cause", (headline(d),))
     elif d.verdict is Verdict.NOT_IN_LIBRARY:
-        near = (f"The closest, {each.title}, explains {each.share:.0%} of it." for each in near_causes(d)[:1])
+        but = "" if d.naming is None else f", but {why_not_named(d.naming, 'samples')}"
+        near = (f"The closest, {each.title}, explains {each.share:.0%} of it{but}." for each in near_causes(d)[:1])
         yield SheetAnswer("Cause", ("No set of terms explains it. We can show where, not why.", *near))
     yield SheetAnswer("How sure", tuple(_sureness(d, first, last)), GROUNDS)
     yield SheetAnswer("On the bench", (_action(d),))
@@ -90,9 +92,10 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
     elif causes:
         added = "Add the term with its fitted size; `terms.json` and `residuals.csv` hold both models."
         written = "`machine-with-cause.toml` holds it with its size: go on with that file as `--machine`."
+        kept = "Nothing until one of them is confirmed; `terms.json` holds the sizes."
         changed = "A known size has changed: take its rows out of `[[model.known]]`, and run again."
         again = {cause.identifier for cause in causes} & {each.term.identifier for each in d.case.known}
-        yield SheetAnswer("In the model", (changed if again else written if goes_on else added,))
+        yield SheetAnswer("In the model", (kept if several else changed if again else written if goes_on else added,))
     if causes and last is not first:
         yield SheetAnswer("If ignored", tuple(_costs(d, first, last)))
 

@@ -21,7 +21,7 @@ from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.causes import cause_lines, named_causes, near_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
-from pmg.pipeline.diagnosis.balance.document import headline, terms_document, terms_lines
+from pmg.pipeline.diagnosis.balance.document import free_run_lines, headline, terms_document, terms_lines
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_remarks
 from pmg.pipeline.diagnosis.balance.low_passes import try_low_passes
 from pmg.pipeline.diagnosis.balance.machine.found_and_stated import found_and_stated, not_compared
@@ -36,8 +36,9 @@ from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.files.progress import Steps
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.machine.shipped import machine_path
+from pmg.pipeline.recording.findings import Severity
 from pmg.pipeline.recording.remark import Remark
-from pmg.pipeline.report.document import Facts, Report
+from pmg.pipeline.report.document import Caution, Facts, Report
 from pmg.pipeline.report.document import Headline as Headline
 from pmg.pipeline.report.write import write_report
 from pmg.sim.errors import BenchError
@@ -147,7 +148,9 @@ def _run(
         (out / WITH_CAUSE).unlink(missing_ok=True)
     for name, text in tables.items():
         write_atomic(out / name, text.encode())
-    page = _page(diagnosis, seed, digests, sections, goes_on=WITH_CAUSE in tables)
+    remarks = (*findings_of(recorded), *findings_of(withheld), *low_pass_remarks(diagnosis))
+    cautions = tuple(Caution(f"{r.place}: {r.message}") for r in remarks if r.severity == Severity.WARNING)
+    page = _page(diagnosis, seed, digests, (sections, cautions), goes_on=WITH_CAUSE in tables)
     written = (*write_report(page, out), *(out / name for name in tables))
     command = "pmg terms" if machine is None else "pmg run"
     leave_crate_of_files(out, command, tuple(files), written, began)
@@ -159,15 +162,11 @@ def _run(
             "",
             *cause_lines(causes, case.axis.push),
             *nearest_lines(diagnosis),
+            *free_run_lines(diagnosis),
             f"report: {written[0]}",
             *((f"go on with: --machine {out / WITH_CAUSE}",) if WITH_CAUSE in tables else ()),
         ),
-        (
-            *findings_of(recorded),
-            *findings_of(withheld),
-            *low_pass_remarks(diagnosis),
-            *((OF_A_CASE,) if machine is None else not_compared(machine)),
-        ),
+        (*remarks, *((OF_A_CASE,) if machine is None else not_compared(machine))),
         mismatch=diagnosis.verdict is not Verdict.CONSISTENT,
     )
 
@@ -182,8 +181,12 @@ def _check_out(out: Path, file: Path) -> None:
 
 
 def findings_of(recorded: Recorded | None) -> tuple[Remark, ...]:
-    """What was found in reading some recordings."""
-    return () if recorded is None else recorded.findings
+    """What was found in reading some recordings; warnings with what to do."""
+    found = () if recorded is None else recorded.findings
+    return tuple(
+        replace(each, message=f"{each.message}. {each.do}") if each.severity is Severity.WARNING else each
+        for each in found
+    )
 
 
 def _inertia(diagnosis: TermsDiagnosis) -> float:
@@ -214,16 +217,22 @@ def _residual_table(diagnosis: TermsDiagnosis) -> str:
 
 
 def _page(
-    diagnosis: TermsDiagnosis, seed: int, digests: dict[str, str], own: tuple[Section, ...], *, goes_on: bool
+    diagnosis: TermsDiagnosis,
+    seed: int,
+    digests: dict[str, str],
+    own: tuple[tuple[Section, ...], tuple[Caution, ...]],
+    *,
+    goes_on: bool,
 ) -> Report:
     first, *others = terms_sections(diagnosis)
     good = diagnosis.verdict is Verdict.CONSISTENT
+    own_sections, cautions = own
     asks = "" if good else asked_of(diagnosis.verdict)
     return Report(
         title=diagnosis.case.title,
         subtitle=f"Terms of its {diagnosis.case.axis.pushes} balance: what the baseline lacks, and the proof",
-        verdict=Headline(headline(diagnosis), "good" if good else "attention", asks=asks),
-        sections=(first, *own, *others),
+        verdict=Headline(headline(diagnosis), "good" if good else "attention", warnings=cautions, asks=asks),
+        sections=(first, *own_sections, *others),
         sheet=machine_sheet(diagnosis, goes_on=goes_on),
         provenance=Facts(
             (

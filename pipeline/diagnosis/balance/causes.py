@@ -108,10 +108,16 @@ def _cause(diagnosis: TermsDiagnosis, fit: TermFit, group: int) -> NamedCause:
         titled(fit.candidate),
         group,
         ", ".join(parts),
-        _factor(fit.identifier, values[0]) or _beyond_known(diagnosis, fit),
+        _remark(diagnosis, fit, values[0]),
         float(np.sqrt(np.mean(effect**2))),
         separating_test(diagnosis, (fit.identifier,)),
     )
+
+
+def _remark(diagnosis: TermsDiagnosis, fit: TermFit, gain: float) -> str:
+    """What a size means; empty where there is nothing to add."""
+    factor = _factor(fit.identifier, gain, diagnosis.case.axis.factor)
+    return factor or _beyond_known(diagnosis, fit) or _once_a_turn(diagnosis, fit)
 
 
 def _beyond_known(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
@@ -124,23 +130,34 @@ def _beyond_known(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
     return f"beyond what the machine file knows, {told}"
 
 
+def _once_a_turn(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
+    """What a torque that comes once a turn is likely to be; empty of another one."""
+    turn = diagnosis.case.axis.turn
+    if fit.identifier != "position_ripple" or not turn or abs(fit.shape / turn - 1.0) > NEAR_FACTOR:
+        return ""
+    return "once a turn of this shaft, as the weight of an arm or an unbalance makes it"
+
+
 def size_of(name: str, value: float, error: float | None, unit: str) -> str:
     """A parameter with its standard error and unit, in words."""
     spread = "" if error is None else f" ± {error:.2g}"
     return f"{name} = {value:.4g}{spread}{'' if unit == '1' else f' {unit}'}"
 
 
-def _factor(identifier: str, gain: float) -> str:
-    """A gain of a transducer as what it reads over what there is, and the conversion that makes it."""
+def _factor(identifier: str, gain: float, key: str) -> str:
+    """A gain of a transducer as what it reads over what there is, the conversion that makes it, and what undoes it."""
     if identifier not in GAINS:
         return ""
     factor = GAINS[identifier](gain)
     reading = f"it reads {factor:.4g} times the torque"
     far = {words: abs(factor / known - 1.0) for known, words in CONVERSIONS.items()}
     near = sorted((words for words in far if far[words] < NEAR_FACTOR), key=far.__getitem__)
+    known = next((each for each, words in CONVERSIONS.items() if near and words == near[0]), factor)
     if identifier.startswith("input"):
         reading += " (and so do inertia and friction as found)"
-    return f"{reading}, {' or '.join(near)}" if near and abs(factor - 1.0) > CONVERTED else reading
+    if not near or abs(factor - 1.0) <= CONVERTED:
+        return reading
+    return f"{reading}, {' or '.join(near)}; where that is so, its channel takes {key} = {1.0 / known:.6g}"
 
 
 @dataclass(frozen=True)

@@ -239,7 +239,6 @@ def _in_turn(words: list[str]) -> str:
 
 def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
     """The diagnosis in a few lines."""
-    shown, small = diagnosis.case.axis.shown
     lines = [headline(diagnosis), ""]
     lines += [f"{'model':<44}{'fit':>9}{'withheld':>10}  withheld blocks [{diagnosis.case.axis.push}]"]
     for kind, steps in (("+ ", diagnosis.steps), ("refined by ", diagnosis.refinements)):
@@ -252,15 +251,6 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
     for step in diagnosis.dropped:
         name = titled(step.fitted.fits[-1].candidate)
         lines.append(f"dropped: {name}, with which the withheld record is off by {percent(step.error_withheld)}")
-    lines.append("")
-    if diagnosis.free_runs:
-        lines.append(f"position simulated from the {diagnosis.case.axis.pushes} alone, without being told where it is:")
-    for run in diagnosis.free_runs:
-        if math.isnan(run.error):
-            lines.append(f"  {run.model:<12}{run.record}: runs away")
-            continue
-        errors = f"{run.error / small:.2f} {shown} rms, {run.largest / small:.1f} {shown} at most"
-        lines.append(f"  {run.model:<12}{run.record}: {errors}, of a stroke of {run.stroke / small:.0f} {shown}")
     lines.append("")
     for contest in diagnosis.contests:
         ids = " + ".join(fit.identifier for fit in contest.rival.fits)
@@ -276,3 +266,18 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
     if diagnosis.left_over.found and diagnosis.naming is not None:
         lines.append(f"What is left still follows: {'; '.join(p.name for p in diagnosis.left_over.locations)}")
     return lines
+
+
+def free_run_lines(diagnosis: TermsDiagnosis) -> list[str]:
+    """How far the position goes astray that a model simulates; none where nothing was simulated."""
+    if not diagnosis.free_runs:
+        return []
+    shown, small = diagnosis.case.axis.shown
+    lines = [f"position simulated from the {diagnosis.case.axis.pushes} alone, without being told where it is:"]
+    for run in diagnosis.free_runs:
+        if math.isnan(run.error):
+            lines.append(f"  {run.model:<12}{run.record}: runs away")
+            continue
+        errors = f"{run.error / small:.2f} {shown} rms, {run.largest / small:.1f} {shown} at most"
+        lines.append(f"  {run.model:<12}{run.record}: {errors}, of a stroke of {run.stroke / small:.0f} {shown}")
+    return [*lines, ""]

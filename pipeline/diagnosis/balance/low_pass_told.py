@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried
 
+NOT_NOTHING = 2.0
+"""Standard errors from which on a size is more than none."""
+
 SAME = "the search says the same"
 """Said of a low-pass with which nothing changes."""
 
@@ -57,7 +60,8 @@ def _leading(d: TermsDiagnosis) -> frozenset[str]:
 
 
 def _may_explain(d: TermsDiagnosis, tried: LowPassTried) -> bool:
-    return d.verdict is Verdict.NOT_IN_LIBRARY and not d.impossible and tried.explained and bool(tried.fits)
+    sizes = all(abs(each.value) > NOT_NOTHING * each.standard_error for each in tried.sizes)
+    return d.verdict is Verdict.NOT_IN_LIBRARY and not d.impossible and tried.explained and bool(tried.fits) and sizes
 
 
 def _lets_in_a_resonance(d: TermsDiagnosis, tried: LowPassTried) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-DRIVE, GUIDE, SENSOR, INPUT, GEAR, OUTPUT = "drive", "friction and guide", "position", "input torque", "gear", "output"
+DRIVE, GUIDE, SENSOR, INPUT, GEAR, OUTPUT = "drive", "friction and load", "position", "input torque", "gear", "output"
 ONE_SHAFT, TWO_SHAFTS = (DRIVE, GUIDE, SENSOR), (DRIVE, INPUT, GEAR, OUTPUT)
 """Parts of a machine with one force or torque, and of one between two torques, in the order in which power goes."""
 
@@ -27,5 +27,5 @@ _PARTS = {
 
 
 def part_of(term: str | None, *, two_torques: bool) -> str:
-    """Part in which a term sits: friction and guide, or the gear between two torques, where it has none of its own."""
+    """Part in which a term sits: friction and load, or the gear between two torques, where it has none of its own."""
     return _PARTS.get(term or "", GEAR if two_torques else GUIDE)
