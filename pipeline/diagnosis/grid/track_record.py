@@ -65,11 +65,11 @@ RECORD = {
 
 
 IN_MOTION = {
-    "named": TrackRecord("a cause named", "The cause named was right", 54, 61),
-    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 16, 19),
+    "named": TrackRecord("a cause named", "The cause named was right", 61, 65),
+    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 16, 18),
     "weak": TrackRecord("a difference too weak to name its cause", "The truth was among those given", 12, 12),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "None known, or the closest, was right", 33, 43
+        "no known cause given, with those that come near", "None known, or the closest, was right", 28, 35
     ),
 }
 """The same of runs in motion, from the trial of 240 campaigns in ``pipeline/trials/motion/README.md``."""
