@@ -217,7 +217,7 @@ def _fault_of_form(path: Path, text: str, fault: tomllib.TOMLDecodeError, error:
         do = 'Between " a backslash begins a sign: write / instead, or put the text between single quotes.'
     elif came == "Invalid value" and (empty := _empty_before(text, place)):
         came, do = f"no value after '{empty[1]} ='", "Complete the line, or leave the entry out."
-        return error(f"{path}: line {line}", came, "a value", do)
+        return error(f"{path}: line {line}{column}", came, "a value", do)
     elif came == "Invalid value":
         do = "Correct the line; text stands in quotation marks."
     return error(f"{path}: line {line}{column}", came, "TOML", do)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from tests.balance import wheel
+from tests.slow import slow
 
 from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
 from pmg.pipeline.commands.machines.terms import WITH_CAUSE, run_machine
@@ -107,6 +108,7 @@ def test_what_was_named_is_known_of_further_recordings(tmp_path: Path) -> None:
     assert not with_cause(f"model = {{ known = [] }}\n{braces}", diagnosed(tmp_path / "wheel.toml", tmp_path / "a"))
 
 
+@slow
 def test_a_delay_is_known_as_a_distortion_of_what_the_rest_gives(tmp_path: Path) -> None:
     def late(m: Turning) -> Array:
         return np.interp(m.t - 0.012, m.t, wheel.plain(m) + 0.05 * np.sign(m.speed))
@@ -129,7 +131,9 @@ def wavy(m: Turning) -> Array:
     return np.asarray(wheel.plain(m) + 0.05 * np.sign(m.speed) + 0.05 * np.sin(m.angle))
 
 
-@pytest.mark.parametrize(("torque", "named"), [(fading, "drive_fade"), (wavy, "position_ripple")])
+@pytest.mark.parametrize(
+    ("torque", "named"), [pytest.param(fading, "drive_fade", marks=slow), (wavy, "position_ripple")]
+)
 def test_a_size_that_goes_with_its_recordings_is_not_written_and_not_taken(
     tmp_path: Path, torque: Callable[[Turning], Array], named: str
 ) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.signal import bilinear, lfilter
 from tests.balance import wheel
+from tests.slow import slow
 
 from pmg.pipeline.commands.machines.terms import run_terms
 from pmg.pipeline.diagnosis.balance import low_passes
@@ -59,6 +60,7 @@ def run(folder: Path, torque: object) -> Outcome:
     return run_terms(case, folder / "out")
 
 
+@slow
 def test_a_cause_that_every_low_pass_names_is_told_so(tmp_path: Path) -> None:
     done = run(tmp_path, dry)
     assert not warned(done)
