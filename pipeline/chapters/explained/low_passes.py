@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.diagnosis.balance.causes import size_of
-from pmg.pipeline.diagnosis.balance.document import titled
+from pmg.pipeline.diagnosis.balance.document import titles_of
 from pmg.pipeline.diagnosis.balance.low_pass_told import said_with
 from pmg.pipeline.report.document import Cell, Column, Table
 
@@ -20,7 +20,7 @@ def low_passes_table(d: TermsDiagnosis) -> tuple[Table, ...]:
             each.low_pass_hz,
             each.keep_every,
             each.p_value,
-            " and ".join(titled(fit.candidate) for fit in each.fits) or "–",
+            titles_of(each.fits) or "–",
             "; ".join(size_of(e.name, e.value, e.standard_error, e.unit) for e in each.sizes) or "–",
             said_with(d, each),
         )

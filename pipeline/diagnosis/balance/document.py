@@ -11,13 +11,14 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.fit.document import number
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
     from pmg.pipeline.diagnosis.balance.contest import Contest, ModelStep
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.balance.library.term import Term
     from pmg.pipeline.diagnosis.balance.mismatch import Place
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
@@ -170,6 +171,11 @@ def taken_for_granted(case: Case, joint: str) -> str:
     return f"{joint.join(case.baseline)}{further}"
 
 
+def titles_of(fits: Iterable[TermFit]) -> str:
+    """Names of a set of terms for people; empty without any."""
+    return " and ".join(titled(fit.candidate) for fit in fits)
+
+
 def titled(term: Term[Any]) -> str:
     """Name of a term for people, in lower case."""
     return term.title if term.title.startswith("Coulomb") else term.title[0].lower() + term.title[1:]
@@ -204,7 +210,7 @@ def headline(diagnosis: TermsDiagnosis) -> str:
             head = f"Named: {', '.join(named)}."
         case _:
             rivals = [c for c in diagnosis.contests if c.open]
-            sets = "; ".join(" and ".join(titled(f.candidate) for f in c.rival.fits) for c in rivals)
+            sets = "; ".join(titles_of(c.rival.fits) for c in rivals)
             head = f"Ambiguous: {', '.join(named)}; or {sets}."
     main = in_the_main_sentence(diagnosis.naming, diagnosis.held_out) if diagnosis.verdict.names else ""
     told = (*_impossible(diagnosis), head, main, _errors(diagnosis, first, last))

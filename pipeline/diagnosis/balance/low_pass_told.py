@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.diagnosis.balance.document import titled
+from pmg.pipeline.diagnosis.balance.document import titles_of
 from pmg.pipeline.diagnosis.balance.library.elastic import RESONANCE
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.recording.remark import Remark
@@ -52,7 +52,7 @@ def _said_of_open(d: TermsDiagnosis, tried: LowPassTried) -> str:
 
 
 def _titles(fits: Iterable[TermFit]) -> str:
-    return " and ".join(titled(fit.candidate) for fit in fits) or "no term"
+    return titles_of(fits) or "no term"
 
 
 def _leading(d: TermsDiagnosis) -> frozenset[str]:

@@ -122,13 +122,16 @@ class Recorded:
     @property
     def time(self) -> Array:
         """Time of the thinned samples [s]."""
-        return np.concatenate([part[:: self.keep_every] for part in np.split(self.motion.time, self.motion.starts[1:])])
+        return self._kept(self.motion.time)
 
     @property
     def elapsed(self) -> Array:
         """Time of the thinned samples since their recording began [s]."""
-        parts = np.split(self.motion.elapsed, self.motion.starts[1:])
-        return np.concatenate([part[:: self.keep_every] for part in parts])
+        return self._kept(self.motion.elapsed)
+
+    def _kept(self, values: Array) -> Array:
+        """Values at the thinned samples, not filtered."""
+        return np.concatenate([part[:: self.keep_every] for part in np.split(values, self.motion.starts[1:])])
 
     def each(self) -> tuple[Recorded, ...]:
         """The recordings one by one."""
@@ -244,14 +247,15 @@ def with_known(
     known = np.zeros_like(motion.force)
     for key, value in case.fixed.items():
         known = known + value * columns[key]
-    _check_channels(replace(plain, motion=motion), case)
+    plain = replace(plain, motion=motion)
+    _check_channels(plain, case)
     known = known + sum(each.of(motion) for each in case.known if not each.term.of_model)
-    found = _freed(replace(plain, motion=motion), case, columns, known, of)
+    found = _freed(plain, case, columns, known, of)
     faults, distorted = [each for each in case.known if each.term.of_model], np.zeros_like(known)
     for _ in range(TURNS if faults else 0):  # each distorts what the rest gives, which is known better each time
         rest = replace(found.motion, modelled=found.motion.modelled - distorted)
         distorted = np.asarray(sum(each.of(rest) for each in faults))
-        found = _freed(replace(plain, motion=motion), case, columns, known + distorted, of)
+        found = _freed(plain, case, columns, known + distorted, of)
     return found
 
 
