@@ -243,11 +243,12 @@ def integrate(y: Array, p: Array, legs: Legs, instants: Array, well: Well, setti
     k, j, lu, q = np.empty((14, SIZE)), np.empty(ENTRIES), np.empty(FACTORS), np.empty((3, room.energy.size))
     states, energy, slips = room.states, room.energy, room.slips
     rtol, scales, locked, stop = settings.rtol, settings.scales, settings.locked, settings.stop
-    energy[:] = 0.0
+    for i in range(energy.size):  # by elements: an assignment of slices takes the compiler a second
+        energy[i] = 0.0
     t, h, last_step, last_error = 0.0, FIRST_STEP, 0.0, 1.0
     steps, rejected, reported, slipped, after_reject = 0, 0, 0, 0, False
     while reported < instants.size and instants[reported] <= t:
-        states[reported] = y
+        _copy(y, states[reported])
         reported += 1
     rate = abs(slip_rate(y, p))
     lock = Lock(0.0 if well.phase >= 0 and rate < locked else math.nan, rate)

@@ -17,6 +17,7 @@ from scipy.signal import lfilter
 from tests.balance import slide, wheel
 from tests.balance.reading import read_one
 from tests.importers import written
+from tests.slow import slow
 
 from pmg.pipeline.commands.machines.terms import run_terms
 from pmg.pipeline.diagnosis.balance import contest
@@ -70,7 +71,7 @@ def dry(m: Turning) -> Array:
 @pytest.mark.parametrize(
     "channels",
     [
-        f"{wheel.ANGLE}\n{wheel.TORQUE}",
+        pytest.param(f"{wheel.ANGLE}\n{wheel.TORQUE}", marks=slow),
         wheel.VELOCITY + '\ntorque = { name = "T", unit = "A", newton_metre_per_unit = 0.001 }',
     ],
     ids=["angle alone", "speed and current"],
@@ -94,6 +95,7 @@ def test_a_machine_that_turns_is_named_in_its_own_units(tmp_path: Path, channels
     assert "Relative torque error" in headline(found)
 
 
+@slow
 def test_the_page_of_a_machine_that_turns_speaks_of_torque(tmp_path: Path) -> None:
     done = run_terms(wheel.make_case(tmp_path, dry), tmp_path / "out")
     assert done.mismatch
@@ -295,7 +297,7 @@ def sagging(m: Turning) -> Array:
     ("torque", "name", "parameter", "truth"),
     [
         (behind, "dead_zone", "z", 0.08),
-        (sagging, "motor_constant_sag", "s", 0.15),
+        pytest.param(sagging, "motor_constant_sag", "s", 0.15, marks=slow),
     ],
     ids=["dead zone", "sag"],
 )

@@ -88,7 +88,7 @@ def thinning(m: Geared) -> Array:
             lambda r: with_brake(r, lambda b: 1.356 * b),
             {frozenset({"input_torque_gain"}), frozenset({"output_torque_gain"})},
         ),
-        (plain, lambda r: with_brake(r, late), {frozenset({"output_torque_lag"})}),
+        pytest.param(plain, lambda r: with_brake(r, late), {frozenset({"output_torque_lag"})}, marks=slow),
         pytest.param(plain, lambda r: with_motor(r, late), {frozenset({"input_torque_lag"})}, marks=slow),
         (thinning, None, {frozenset({"warming"})}),
     ],

@@ -16,13 +16,16 @@ from tests.report import chromium
 from typer.testing import CliRunner
 
 from pmg.pipeline.analysis.outputs import read_analysis
+from pmg.pipeline.chapters.studies import validation
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.cli.progress_line import progress_line
 from pmg.pipeline.commands.crate import FILE as CRATE
 from pmg.pipeline.store.audit_trail import read_trail
+from pmg.pipeline.thesis_figures.compared import compared_figures
+from pmg.pipeline.thesis_figures.rounding import FEWEST_DRAWS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
 RUNNER = CliRunner()
 PUBLISHED = ROOT / "raw" / "published"
@@ -41,6 +44,16 @@ def call(*arguments: object, expect: int) -> dict[str, Any]:
 
 def hashes(paths: Iterable[Path]) -> dict[str, str]:
     return {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_draws() -> Iterator[None]:
+    """Hundreds of draws of the published tables take longer than all that is tested here."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            validation, "compared_figures", lambda grid, bench, _: compared_figures(grid, bench, 2 * FEWEST_DRAWS)
+        )
+        yield
 
 
 @pytest.fixture(scope="module")

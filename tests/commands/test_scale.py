@@ -220,6 +220,7 @@ def test_without_dask_the_option_says_what_to_install(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="dask is not installed")
+@slow
 def test_a_cluster_that_loses_a_worker_makes_the_store_of_one_process(campaign: Path) -> None:
     """In a process of its own, so that the cluster's threads and warnings end with it."""
     words = [sys.executable, "-m", "tests.bench.cluster", str(campaign), "--kill-after", "3"]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from tests.conftest import ROOT
 from tests.nature import Nature, campaign_points, measure
+from tests.slow import slow
 
 from pmg.pipeline.diagnosis.design.blind import confounded_shafts
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
@@ -39,7 +40,7 @@ def p_value(grid: Grid, bench: BenchParameters, rng: np.random.Generator) -> flo
     return find_mismatch(analysis.grid, analysis.fits, analysis.floor, bench, rng, draws=99).p_value
 
 
-@pytest.mark.parametrize("order", ["random", "falling"])
+@pytest.mark.parametrize("order", ["random", pytest.param("falling", marks=slow)])
 def test_false_alarms_stay_at_their_stated_rate(order: str, bench: BenchParameters, rng: np.random.Generator) -> None:
     """40 clean campaigns at 5 %: more than 6 alarms would happen once in 290 times, at a rate of 30 % in 98 of 100."""
     p = [p_value(measure(NATURE, campaign_points(order, rng), rng)[0], bench, rng) for _ in range(40)]

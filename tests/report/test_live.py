@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from PIL import Image
+from tests.slow import slow
 
 from pmg.pipeline.report import live_chart, live_map
 from pmg.pipeline.report.document import Chart, Column, Figure, PowerFlow, Section, Series, SpeedMap, Table
@@ -175,7 +176,7 @@ def test_a_table_downloads_what_its_file_holds(tab: chromium.Tab, folder: Path) 
     assert text == (folder / "tables" / "points.csv").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("dark", [pytest.param(False, marks=slow), True])
 def test_axe_finds_nothing_to_object_to(tab: chromium.Tab, *, dark: bool) -> None:
     tab.show(1280, dark=dark)
     found = tab.objections()

@@ -12,6 +12,7 @@ import pytest
 from tests.house import MODULES
 from tests.report import chromium, example
 from tests.report.controls import press_all
+from tests.slow import slow
 
 from pmg.pipeline.report.write import PAGE, write_report
 
@@ -101,7 +102,7 @@ def test_every_page_is_made_of_the_one_template() -> None:
 
 
 @chromium.needed
-@pytest.mark.parametrize("guarded", [True, False])
+@pytest.mark.parametrize("guarded", [pytest.param(True, marks=slow), False])
 def test_a_script_that_tries_every_way_reaches_no_server(page: Path, tmp_path: Path, guarded: bool) -> None:
     """The same page without its policy does reach one, so what is counted is what is refused."""
     text = page.read_text(encoding="utf-8")

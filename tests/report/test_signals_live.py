@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from tests.slow import slow
 
 from pmg.pipeline.point_signals.cell import Bins, BudgetRow, CellSignals, ChannelSignals, ShaftRows, Spectrum
 from pmg.pipeline.point_signals.encoded import encode
@@ -201,7 +202,7 @@ def test_a_mean_is_told_to_the_digits_of_its_uncertainty(tab: chromium.Tab) -> N
     assert "Mean sun torque1.000 ± 0.020 (95 %) N m" in tab.ask("document.querySelector('#signals dl').textContent")
 
 
-@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("dark", [pytest.param(False, marks=slow), True])
 def test_axe_finds_nothing_to_object_to_in_an_open_point(tab: chromium.Tab, *, dark: bool) -> None:
     tab.show(1280, dark=dark)
     tab.ask("(location.hash = '#point=P_0', 1)")

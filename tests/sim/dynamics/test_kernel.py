@@ -51,12 +51,10 @@ MODES = {
 }
 """One drivetrain for each kind of structure."""
 
-ALIKE = ("engaged, motors without limits", "look-ups without sign")
-"""Kinds that differ from the first by a term left out; each takes as long to compile as any."""
+ALIKE = ("engaged, motors without limits", "look-ups without sign", "neutral, speeds held", "harmonics and cogging")
+"""Kinds that differ from the first by terms left out or put in; each takes as long to compile as any."""
 
-modes = st.sampled_from(
-    [*MODES.values(), replace(BASE, held=Member.SUN)] if SLOW else [MODES[k] for k in MODES if k not in ALIKE]
-)
+modes = st.sampled_from([*MODES.values(), replace(BASE, held=Member.SUN)] if SLOW else [BASE, MODES["free carrier"]])
 four = st.tuples(*[st.floats(-5.0, 5.0)] * 4)
 
 
@@ -118,7 +116,7 @@ def exact() -> Array:
     return transient(Task(BASE, SUN, RING, 3.0, times=times), rtol=1e-10, solver=Solver.COMPILED).state[SPEEDS].T
 
 
-@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, pytest.param(1e-8, marks=slow)])
 def test_fast_and_reference_solver_agree_within_their_tolerance(rtol: float, exact: Array) -> None:
     assert error_of(rtol, Solver.COMPILED, exact)[0] < 30.0 * rtol
     assert error_of(rtol, Solver.RADAU, exact)[0] < 30.0 * rtol

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.points import points
 from tests.sim.dynamics.bench_in_motion import BENCH, MODEL, drivetrain, lossless_bench, total
+from tests.slow import slow
 
 from pmg.pipeline.fit.loss_fit import THESIS_POWERS_RING, THESIS_POWERS_SUN, fit_losses
 from pmg.pipeline.grid.tables import read_published
@@ -246,6 +247,7 @@ def test_a_steady_state_beyond_the_limits_is_refused() -> None:
         equilibrium(replace(loss, assumptions=Assumptions(map_scale=100.0)), 100.0, 260.0)
 
 
+@slow
 def test_with_the_sun_held_the_ring_turns_the_carrier_as_the_poles_say() -> None:
     train = replace(drivetrain(), held=Member.SUN)
     run = transient(Task(train, Programme.ramp(-1.0, 0.3), Programme.ramp(1.0, 0.3), 3.0), rtol=1e-6)
