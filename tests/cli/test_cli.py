@@ -13,6 +13,7 @@ import pytest
 from tests.conftest import ROOT
 from tests.recording.writer import Bench, write
 from tests.report import chromium
+from tests.slow import slow
 from typer.testing import CliRunner
 
 from pmg.pipeline.analysis.outputs import read_analysis
@@ -109,6 +110,7 @@ def test_grids_go_in_by_their_bytes_and_the_report_comes_out_by_its(
     assert {path.split("/")[0] for path in written if not path.startswith(str(report))} == {"analysis", "store.json"}
 
 
+@slow
 def test_same_input_same_report_and_a_mismatch_exits_with_one_where_asked(
     published: tuple[dict[str, Any], Path, Path], tmp_path: Path
 ) -> None:

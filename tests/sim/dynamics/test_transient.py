@@ -95,6 +95,7 @@ def test_energy_closes_over_a_transient(signs: MotorConvention) -> None:
     assert abs(trace.powers().residual).max() <= 1e-9 * trace.powers().turnover.max()
 
 
+@slow
 def test_energy_is_conserved_over_a_free_run() -> None:
     train = Drivetrain(lossless_bench(), (), Assumptions(start_phase=1.0))
     start = train.at_rest()
@@ -217,6 +218,7 @@ def test_a_slip_before_the_first_report_ends_the_reference_run_too() -> None:
     assert trace.time[-1] < 2.0
 
 
+@slow
 def test_after_a_slip_the_bus_holds_the_speed_that_the_source_lets_run_away() -> None:
     programme = Programme.ramp(4.0, 0.5), Programme.ramp(10.0, 0.5)
     trains = drivetrain(), drivetrain(Assumptions(motor_limits=False))
