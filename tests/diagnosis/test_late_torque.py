@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -20,9 +21,11 @@ from pmg.pipeline.diagnosis.balance.library.term import Term
 from pmg.pipeline.diagnosis.engine.problem import bounded_sizes
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.candidates.reading_terms import _lagging
-from pmg.pipeline.diagnosis.motion.constants import SKEW
+from pmg.pipeline.diagnosis.motion.catalogue import without_opposed
+from pmg.pipeline.diagnosis.motion.constants import SKEW, sheet_of
 from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
+from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
 from pmg.pipeline.diagnosis.motion.fitted_size import fitted_size
 from pmg.pipeline.diagnosis.motion.noise import RowNoise
 from pmg.pipeline.diagnosis.motion.view import RotorView
@@ -53,6 +56,30 @@ def _shown(late: str, time: float) -> MotionDiagnosis:
 
     runs = tuple(_with_torque(run, shown(run.torque.sun) - run.torque.sun) for run in _campaign(31))
     return diagnose_motion(late, runs, load_bench(), np.random.default_rng(0))
+
+
+@dataclass(frozen=True)
+class _Evidence:
+    """As much of it as the constants of its data sheet need: one row of noise, then the data sheet's."""
+
+    problem: TermProblem
+    baseline: Any
+    of_sheet: npt.NDArray[np.bool_]
+
+
+@pytest.mark.parametrize(("ahead", "kept"), [(4.0, False), (2.0, True), (-9.0, True)])
+def test_a_lag_beside_a_skew_that_leads_as_far_is_not_tried(ahead: float, kept: bool) -> None:
+    """The skew of the sun's reading leads by so many standard uncertainties beside the lag; nothing else has one."""
+    sheet = sheet_of(load_bench(), 1, ())
+    at = 1 + int(np.flatnonzero(sheet.known == sheet.at("skew_sun"))[0])
+    column = np.zeros(1 + len(sheet.known))
+    column[[0, at]] = 1.0, -ahead
+    late, gain = TERMS["transducer_bandwidth/sun/first order"], TERMS["torque_gain_error/sun/"]
+    tables = {t.key: Tabled(t, np.array([0.01]), column[:, None, None]) for t in (late, gain)}
+    problem = TermProblem(np.zeros((len(column), 0)), np.zeros(len(column)), lambda *_: column[:, None], tables)
+    found = _Evidence(problem, SimpleNamespace(sheet=sheet), np.arange(len(column)) > 0)
+    left = without_opposed(cast("MotionEvidence", found)).problem.tables
+    assert set(left) == ({late.key, gain.key} if kept else {gain.key})
 
 
 @pytest.mark.parametrize("time", [0.005, 0.012])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,6 +22,7 @@ from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, probabilities
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion import fitted
+from pmg.pipeline.diagnosis.motion.candidates.coupling_terms import _crossing
 from pmg.pipeline.diagnosis.motion.candidates.reading_terms import _unheld
 from pmg.pipeline.diagnosis.motion.candidates.terms import signed, stack, term
 from pmg.pipeline.diagnosis.motion.constants import FORM_SPEEDS, sheet_of
@@ -170,6 +172,19 @@ def test_more_parameters_that_explain_no_more_are_no_look_alike() -> None:
     assert [rival.ids for rival in plain.rivals] == [{"second"}]
     assert richer.best.ids == {"first"}
     assert [rival.ids for rival in richer.rivals] == []
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=60), st.floats(0.01, 0.5))
+def test_a_rotor_crosses_its_play_from_where_it_lay_to_where_it_lies(torques: list[float], contact: float) -> None:
+    torque = np.array(torques)
+    half = _crossing(torque, contact, 1.0)
+    lies = np.abs(torque) > contact
+    np.testing.assert_array_equal(half[lies], 0.5 * np.sign(torque[lies]))
+    assert (np.abs(half) <= 0.5).all()
+    for one, other in itertools.pairwise(np.flatnonzero(lies)):
+        way = np.diff(half[one : other + 1])
+        assert (way * (np.sign(torque[other]) - np.sign(torque[one])) >= 0.0).all()
+        assert np.abs(np.diff(way, n=2)).max(initial=0.0) < 1e-12, "evenly accelerated"
 
 
 def test_a_loss_curve_is_less_sure_between_the_speeds_at_which_it_is_fitted() -> None:

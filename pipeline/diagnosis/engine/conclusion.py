@@ -88,7 +88,8 @@ def conclude(
     A set is named when it is good enough and predicts most of the mismatch of withheld rows; in the main, when it
     leaves a small part that is more than noise, and every part of the rows names it as well. Rivals are the sets of
     close evidence, and those that parts of the rows name instead. Where the mismatch is too weak to tell an effect of
-    another kind by what it leaves, the candidates that explain it are reported as what may be, and none is named.
+    another kind by what it leaves, or withheld rows do not show it, the candidates that explain it are reported as what
+    may be, and none is named.
     """
     if naming.may_be_named and not naming.weak:
         held = prove(naming.best)
@@ -96,6 +97,9 @@ def conclude(
             naming = _with_parts(problem, catalogue, naming, held)
             verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
             return Conclusion(verdict=verdict, naming=naming, held_out=held)
+        if held is not None and naming.explained and not held.tells:
+            naming = _with_parts(problem, catalogue, naming, held)
+            return Conclusion(verdict=Verdict.AMBIGUOUS, naming=naming, held_out=held, weak=True)
         if held is None and naming.explained:
             naming = replace(naming, against=UNTRIED)
     if naming.weak:

@@ -88,8 +88,19 @@ class HeldOut:
         """
         before, after = self._beyond_noise
         assert self.expected_after is not None
-        chance = BY_CHANCE * self.expected_after**2 * math.sqrt(2.0 * self.for_one / self.count)
+        chance = self._chance(self.expected_after)
         return self.rmse_after < self.rmse_before and after <= (1.0 - WITHHELD_SHARE) * before + chance
+
+    @property
+    def tells(self) -> bool:
+        """Whether withheld rows show the mismatch at all: what they have beyond the noise is more than chance."""
+        before, _ = self._beyond_noise
+        assert self.expected_before is not None
+        return before > self._chance(self.expected_before)
+
+    def _chance(self, expected: float) -> float:
+        """`BY_CHANCE` standard errors of the mean square of noise."""
+        return BY_CHANCE * expected**2 * math.sqrt(2.0 * self.for_one / self.count)
 
     @property
     def left(self) -> float:

@@ -284,7 +284,7 @@ def _together(
 ) -> Explanation[F, P] | None:
     """Two candidates that enter at once: where several are missing, none need explain half of the rest by itself.
 
-    Together they must leave almost nothing, and each must be more than an error of form.
+    Together they must leave almost nothing and be worth their cost, and each must be more than an error of form.
     """
     if len(before.fits) + 2 > MOST:
         return None
@@ -294,5 +294,5 @@ def _together(
         return None
     best = max(pairs, key=lambda pair: pair.score)
     least = max(ENTRY, SHARE_OF_FIRST * before.gain)
-    whole = best.gain - before.gain >= TOGETHER * excess
+    whole = best.gain - before.gain >= TOGETHER * excess and best.score > before.score + ENTRY
     return best if whole and all(fit.gain > least for fit in best.fits if fit.identifier not in before.ids) else None

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
+
+import numpy as np
 
 from pmg.pipeline.diagnosis.balance.catalogue import IN_THE_MAIN, TermCatalogue, TermNaming, TermSet
 from pmg.pipeline.diagnosis.balance.fitting import fit_term
@@ -12,6 +14,7 @@ from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
+    from pmg.pipeline.diagnosis.balance.library.term import Term
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.sim.signals import Array
@@ -27,6 +30,12 @@ known to a form, and look-alikes as a gain and a crosstalk differ by as little."
 LATE_ALIKE = 0.1
 """The same of what comes late: a delay, a lag of any order and a torque that is held differ in how sharp a change is
 left, of which the band of the rows shows little."""
+
+ADDED = 4.0
+"""Fall of the sum of squares [noise variances] that a further parameter brings by chance one time in twenty."""
+
+OPPOSED = 3.0
+"""Standard uncertainties by which the skew of a reading may lead beside a torque of it that comes late."""
 
 SMALL_REST = 0.01
 """Part of the torque that a constant moves which it may leave over, and pass for the error of its form."""
@@ -58,7 +67,7 @@ class MotionCatalogue(TermCatalogue):
         return bent_columns(problem, fit)
 
 
-def with_late_look_alikes(naming: TermNaming, problem: TermProblem, terms: tuple[MotionTerm, ...]) -> TermNaming:
+def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNaming:
     """The answer where a torque comes late: another way to be late that explains nearly as much is a rival.
 
     Parameters
@@ -67,8 +76,6 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem, terms: tuple
         The answer of the search.
     problem : TermProblem
         Before anything was taken out.
-    terms : tuple of MotionTerm
-        The library.
     """
     best = naming.best
     late = [place for place, fit in enumerate(best.fits) if cast("MotionTerm", fit.candidate).comes_late]
@@ -80,7 +87,7 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem, terms: tuple
         for other in (*best.fits[:place], *best.fits[place + 1 :]):
             rest = rest.plus(other)
         named = fit_term(rest.problem, fit.candidate)
-        for law in terms:
+        for law in [cast("MotionTerm", table.term) for table in problem.tables.values()]:
             if not law.comes_late or law.place != fit.place or law.identifier == fit.identifier:
                 continue
             other = fit_term(rest.problem, law)
@@ -93,6 +100,44 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem, terms: tuple
     return replace(
         naming, rivals=tuple(by_evidence), evidence_scale=min(naming.evidence_scale, MARGIN / (MARGIN + alike))
     )
+
+
+def without_held(naming: TermNaming) -> TermNaming:
+    """The answer without rivals that differ by a law that holds the leading one's, and of which no more is seen.
+
+    A zero that drifts is one that is off, and moves; where it does not move, nothing speaks for it. What it costs more
+    is less than the margin, though.
+    """
+    best = naming.best
+
+    def held(rival: TermSet) -> bool:
+        others = [cast("MotionTerm", fit.candidate) for fit in rival.fits if fit.identifier not in best.ids]
+        holding = others and all(set(term.holds) & best.ids for term in others)
+        replaced = {name for term in others for name in term.holds} >= best.ids - rival.ids
+        return bool(holding and replaced and rival.gain - best.gain <= ADDED)
+
+    return replace(naming, rivals=tuple(rival for rival in naming.rivals if not held(rival)))
+
+
+def without_opposed(found: MotionEvidence) -> MotionEvidence:
+    """The evidence without what comes late only while the skew of its reading leads by as much.
+
+    A lag of the torque that the model predicts, with a skew of the torque as shown that undoes it, is the slope of
+    what is left, its noise too: that something follows it says nothing of a lag.
+    """
+    tables = {key: each for key, each in found.problem.tables.items() if not _opposed(found, each.term)}
+    return replace(found, problem=replace(found.problem, tables=tables))
+
+
+def _opposed(found: MotionEvidence, candidate: Term[Any]) -> bool:
+    """Whether a delay or lag as a whole stands beside a skew that far ahead of its data sheet, and takes up none."""
+    term = cast("MotionTerm", candidate)
+    if not (term.comes_late and term.whole):
+        return False
+    (skew,) = (found.baseline.sheet.at(name) for name in term.mimicked_by)
+    (row,) = np.flatnonzero(found.of_sheet)[found.baseline.sheet.known == skew]
+    before = found.problem.left
+    return bool(before[row] > -OPPOSED and (before - fit_term(found.problem, term).seen)[row] > OPPOSED)
 
 
 def columns_beside(found: MotionEvidence, fits: tuple[TermFit, ...]) -> Array:

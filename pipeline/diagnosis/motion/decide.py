@@ -9,25 +9,18 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
-from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, conclude
-from pmg.pipeline.diagnosis.engine.forms import with_free_laws, with_look_alikes
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, search
-from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 from pmg.pipeline.diagnosis.motion.candidates.library import library
-from pmg.pipeline.diagnosis.motion.catalogue import (
-    MotionCatalogue,
-    columns_beside,
-    with_late_look_alikes,
-    with_small_rest,
-)
+from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, columns_beside
 from pmg.pipeline.diagnosis.motion.design.next_runs import runs_to_see, runs_to_tell
 from pmg.pipeline.diagnosis.motion.design.unseen import unseen
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
-from pmg.pipeline.diagnosis.motion.fitted import fit_beside, fit_constants, slow_noise_beside_drift
+from pmg.pipeline.diagnosis.motion.fitted import fit_constants, slow_noise_beside_drift
 from pmg.pipeline.diagnosis.motion.fitted_size import error_of_law, fitted_size
+from pmg.pipeline.diagnosis.motion.naming import SEARCH_STEPS, name_causes
 from pmg.pipeline.diagnosis.motion.withheld import by_kind, by_run
 from pmg.pipeline.files.progress import Steps
 
@@ -42,7 +35,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.design.unseen import Unseen
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.pipeline.diagnosis.motion.fitted_size import FittedSize
-    from pmg.pipeline.diagnosis.motion.noise import RowNoise
     from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
@@ -52,8 +44,7 @@ if TYPE_CHECKING:
 STEPS = (
     "constants of the bench",
     "search for a difference",
-    "causes",
-    "constants beside the first cause",
+    *SEARCH_STEPS,
     "proof on runs not used",
 )
 """Steps of a diagnosis, as its progress names them."""
@@ -152,7 +143,7 @@ def diagnose_motion(
     silent = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
     conclusion, together = Conclusion[TermFit, TermProblem](verdict=silent), None
     if mismatch.found:
-        found, naming = _named(found, before, noise, rng, steps)
+        found, naming = name_causes(found, before, noise, rng, steps)
         steps.begin(STEPS[4])
         if blind:  # what it cannot show may be what is left
             naming = replace(naming, in_the_main=False)
@@ -192,22 +183,6 @@ def _shafts(conclusion: Conclusion[TermFit, TermProblem]) -> tuple[str, ...]:
     """Shafts of what is named, as far as they are told; none without a cause."""
     naming = conclusion.naming
     return tuple(naming.shafts.values()) if conclusion.verdict.names and naming is not None else ()
-
-
-def _named(
-    found: MotionEvidence, before: MotionBaseline, noise: list[RowNoise], rng: np.random.Generator, steps: Steps
-) -> tuple[MotionEvidence, TermNaming]:
-    """What the library says of a mismatch, with the evidence about the constants beside what it names."""
-    steps.begin(STEPS[2])
-    naming = name_candidates(found.problem, MotionCatalogue(), adequacy_test(found.evidence))
-    if naming.best.fits:
-        steps.begin(STEPS[3])
-        about, _ = fit_beside(before, noise, naming.best.fits)
-        found = motion_evidence(about, noise, library(), rng)
-        naming = name_candidates(found.problem, MotionCatalogue(), adequacy_test(found.evidence))
-    naming = with_free_laws(naming, found.problem, MotionCatalogue(), adequacy_test(found.evidence))
-    naming = with_late_look_alikes(with_look_alikes(naming, found.problem), found.problem, library())
-    return found, with_small_rest(naming, found)
 
 
 def _mismatch(found: MotionEvidence) -> Mismatch[MotionPlace]:
@@ -269,7 +244,7 @@ def _together(
             value,
             part @ part.T,
             found.baseline.sheet.poles,
-            error_of_law(found.problem, fits, place, library()),
+            error_of_law(found.problem, fits, place),
         )
         for place, (fit, value, part) in enumerate(zip(fits, sizes, of_fits, strict=True))
     )

@@ -131,7 +131,7 @@ def fitted_size(
     )
 
 
-def error_of_law(problem: TermProblem, fits: tuple[TermFit, ...], place: int, terms: tuple[MotionTerm, ...]) -> float:
+def error_of_law(problem: TermProblem, fits: tuple[TermFit, ...], place: int) -> float:
     """The range of a mechanism's size over the laws that it may have, the rest of a set beside it [unit of the size].
 
     Parameters
@@ -142,8 +142,6 @@ def error_of_law(problem: TermProblem, fits: tuple[TermFit, ...], place: int, te
         What is named.
     place : int
         Which of it.
-    terms : tuple of MotionTerm
-        The library.
 
     Notes
     -----
@@ -158,7 +156,7 @@ def error_of_law(problem: TermProblem, fits: tuple[TermFit, ...], place: int, te
     for other in (*fits[:place], *fits[place + 1 :]):
         problem = problem.take_out(other)
     sizes = [size]
-    for term in terms:
+    for term in [table.term for table in problem.tables.values()]:
         same = term.identifier == fit.identifier and term.place == fit.place and term.key != fit.candidate.key
         if same and _unit_of_size(term) == unit:
             other = fit_term(problem, term)

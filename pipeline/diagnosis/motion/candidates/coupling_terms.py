@@ -59,6 +59,23 @@ def _damped(torque: Array, settles: float, rate: float) -> Array:
     return np.asarray(lfilter([first, first], [1.0, slower], torque, zi=[(first - slower) * torque[0]])[0])
 
 
+def _crossing(torque: Array, contact: float, _: float) -> Array:
+    r"""Half the side on which a rotor lies in its play (n,), which it crosses from rest, evenly accelerated.
+
+    It lies on a side where the torque is beyond `contact` [N m]. Nothing acts between: of a crossing from
+    :math:`t_0` to :math:`t_1` it has gone the part :math:`((t - t_0)/(t_1 - t_0))^2`.
+    """
+    place, lies = np.arange(len(torque)), np.abs(torque) > contact
+    if not lies.any():
+        return np.zeros(len(torque))
+    first, last = np.flatnonzero(lies)[[0, -1]]
+    left = np.maximum.accumulate(np.where(lies, place, first))
+    reached = np.minimum.accumulate(np.where(lies, place, last)[::-1])[::-1]
+    gone = (place - left) / np.maximum(reached - left, 1)
+    side = np.sign(torque)
+    return np.asarray(0.5 * (side[left] + (side[reached] - side[left]) * np.clip(gone, 0.0, 1.0) ** 2))
+
+
 def coupling_terms(side: str) -> Iterator[MotionTerm]:
     """The coupling of a shaft."""
     coupling = Component(f"{side}_coupling")
@@ -121,6 +138,21 @@ def play_terms(side: str) -> Iterator[MotionTerm]:
         spreads=True,
         mixes=True,
         follows=(LawCovariate.LOAD,),
+        component=Component(f"{side}_coupling"),
+        shaft=side,
+    )
+
+    yield term(
+        "coupling_backlash",
+        "Play in the coupling that the rotor crosses freely",
+        "-(J s2 + K p) b/2 z(t), z from one side to the other as the square of the time since the torque was gone",
+        amount("play", "rad", 0.2),
+        _yielding(side, _crossing),
+        source=sources.BALANCE,
+        shape=Quantity("contact", "N m", (0.01, 0.5)),
+        mimicked_by=(f"compliance_{side}",),
+        spreads=True,
+        variant="crossed",
         component=Component(f"{side}_coupling"),
         shaft=side,
     )

@@ -12,7 +12,7 @@ from pmg.pipeline.diagnosis.motion.candidates.gear_terms import (
     loss_terms,
     spring_terms,
 )
-from pmg.pipeline.diagnosis.motion.candidates.reading_terms import scale_terms, time_terms, zero_terms
+from pmg.pipeline.diagnosis.motion.candidates.reading_terms import drift_terms, scale_terms, time_terms, zero_terms
 from pmg.pipeline.diagnosis.motion.candidates.shaft_terms import (
     bearing_terms,
     reversal_terms,
@@ -40,6 +40,7 @@ def library() -> tuple[MotionTerm, ...]:
         scale_terms,
         time_terms,
         zero_terms,
+        drift_terms,
     )
     on_shafts = (term for side in SIDES for terms in of_shaft for term in terms(side))
     return (*on_shafts, *hysteresis_terms(), *spring_terms(), *loss_terms(), *cogging_terms())

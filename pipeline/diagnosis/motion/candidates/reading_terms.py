@@ -42,6 +42,11 @@ def _drifting(course: Array) -> Array:
     return stack(course, np.ones_like(course))
 
 
+def _bent(torque: Array) -> Array:
+    """A torque, and what bends a line through zero: alike to both sides, and to one more than to the other (n, 3)."""
+    return stack(torque, torque * np.abs(torque), torque**2)
+
+
 def _later(view: RotorView, delay: float) -> Array:
     """A torque less itself that much later, by its values and slopes."""
     shaft = view.shaft
@@ -101,7 +106,7 @@ def scale_terms(side: str) -> Iterator[MotionTerm]:
         "Gain of the transducer that changes with the torque",
         "g1 T + g2 T |T| + g3 T2",
         (*signed("gain", unit="1", most=0.2), *signed("curved", "sided", unit="1/(N m)", most=0.1)),
-        lambda v, _: stack(v.shaft.torque, v.shaft.torque * np.abs(v.shaft.torque), v.shaft.torque**2),
+        lambda v, _: _bent(v.shaft.torque),
         hears=lambda rate, _: (1.0, 0.0),
         source=sources.GUM,
         follows=(LawCovariate.LOAD,),
@@ -121,6 +126,20 @@ def scale_terms(side: str) -> Iterator[MotionTerm]:
         follows=(LawCovariate.LOAD,),
         component=transducer,
         shaft=side,
+    )
+
+    yield term(
+        "torque_crosstalk",
+        "Crosstalk from the other transducer that changes with its torque",
+        "c1 T + c2 T |T| + c3 T2, T of the other",
+        (*signed("crosstalk", unit="1", most=0.2), *signed("curved", "sided", unit="1/(N m)", most=0.1)),
+        lambda v, _: _bent(v.other.torque),
+        hears=lambda rate, _: (0.0, 1.0),
+        source=sources.GUM,
+        follows=(LawCovariate.LOAD,),
+        component=transducer,
+        shaft=side,
+        variant="curved",
     )
 
 
@@ -200,6 +219,10 @@ def zero_terms(side: str) -> Iterator[MotionTerm]:
         shaft=side,
     )
 
+
+def drift_terms(side: str) -> Iterator[MotionTerm]:
+    """A transducer whose zero moves over the campaign."""
+    transducer = Component(f"{side}_torque_transducer")
     yield term(
         "torque_zero_drift",
         "Zero of the transducer that moved at one time",
@@ -209,6 +232,7 @@ def zero_terms(side: str) -> Iterator[MotionTerm]:
         source=sources.GUM,
         shape=Quantity("when", "1", (0.1, 0.95)),
         mimicked_by=(f"zero_{side}",),
+        holds=("torque_zero_offset",),
         shown_at_rest=True,
         follows=(LawCovariate.TIME,),
         component=transducer,
@@ -224,6 +248,7 @@ def zero_terms(side: str) -> Iterator[MotionTerm]:
         lambda v, _: _drifting(v.campaign_time),
         source=sources.GUM,
         mimicked_by=(f"zero_{side}",),
+        holds=("torque_zero_offset",),
         shown_at_rest=True,
         follows=(LawCovariate.TIME,),
         component=transducer,
@@ -240,6 +265,7 @@ def zero_terms(side: str) -> Iterator[MotionTerm]:
         source=sources.GUM,
         shape=Quantity("settles", "s", (60.0, 5000.0)),
         mimicked_by=(f"zero_{side}",),
+        holds=("torque_zero_offset",),
         shown_at_rest=True,
         follows=(LawCovariate.TIME,),
         component=transducer,

@@ -41,6 +41,8 @@ class MotionTerm(Term[RotorView]):
         rate of change of a wave (f,) and the shape.
     follows : tuple of LawCovariate
         Quantities along which its law may be another one.
+    holds : tuple of str
+        Ids of mechanisms that it is where a part of it is zero.
     mixes : bool
         Whether its law may be one of several shapes at once, as of bristles of several lengths.
     of_pole_angle : bool
@@ -58,6 +60,7 @@ class MotionTerm(Term[RotorView]):
     mimicked_by: tuple[str, ...] = ()
     hears: Callable[[Spectrum, float], tuple[Spectrum | float, Spectrum | float]] | None = None
     follows: tuple[LawCovariate, ...] = ()
+    holds: tuple[str, ...] = ()
     mixes: bool = False
     of_pole_angle: bool = False
     engaged_only: bool = False

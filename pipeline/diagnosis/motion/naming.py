@@ -1,0 +1,78 @@
+"""What the library says of a mismatch in motion, the rows made straight about what leads until the same leads."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
+from pmg.pipeline.diagnosis.engine.forms import with_free_laws, with_look_alikes
+from pmg.pipeline.diagnosis.engine.naming import name_candidates
+from pmg.pipeline.diagnosis.motion.candidates.library import library
+from pmg.pipeline.diagnosis.motion.catalogue import (
+    MotionCatalogue,
+    with_late_look_alikes,
+    with_small_rest,
+    without_held,
+    without_opposed,
+)
+from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
+from pmg.pipeline.diagnosis.motion.fitted import fit_beside
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
+    from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
+    from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
+    from pmg.pipeline.diagnosis.motion.noise import RowNoise
+    from pmg.pipeline.files.progress import Steps
+
+SEARCH_STEPS = "causes", "constants beside the first cause"
+"""Steps of the search, as its progress names them."""
+
+STRAIGHTENED = 2
+"""Times at most that the rows are made straight about what leads, and the library is searched anew."""
+
+
+def name_causes(
+    found: MotionEvidence, before: MotionBaseline, noise: list[RowNoise], rng: np.random.Generator, steps: Steps
+) -> tuple[MotionEvidence, TermNaming]:
+    """What the library says of a mismatch, with the evidence about the constants beside what it names.
+
+    Parameters
+    ----------
+    found : MotionEvidence
+        About the constants alone.
+    before : MotionBaseline
+        Those constants.
+    noise : list of RowNoise
+        Of each stretch.
+    rng : numpy.random.Generator
+        Draws synthetic campaigns.
+    steps : Steps
+        Is told each step.
+
+    Notes
+    -----
+    The constants alone take up a part of a large cause, and rows that are straight about those constants show the rest
+    as something else: a long delay as a lag, because a skew took up the first of it. Beside what leads they are nearer.
+    """
+    steps.begin(SEARCH_STEPS[0])
+    found, naming = _searched(found)
+    for turn in range(STRAIGHTENED if naming.best.fits else 0):
+        if not turn:
+            steps.begin(SEARCH_STEPS[1])
+        leading = naming.best
+        about, _ = fit_beside(before, noise, leading.fits)
+        found, naming = _searched(motion_evidence(about, noise, library(), rng))
+        if naming.best.ids in (leading.ids, frozenset()):
+            break
+    naming = with_free_laws(naming, found.problem, MotionCatalogue(), adequacy_test(found.evidence))
+    naming = with_late_look_alikes(without_held(with_look_alikes(naming, found.problem)), found.problem)
+    return found, with_small_rest(naming, found)
+
+
+def _searched(found: MotionEvidence) -> tuple[MotionEvidence, TermNaming]:
+    """The evidence without what cannot be meant, and what the library says of it."""
+    found = without_opposed(found)
+    return found, name_candidates(found.problem, MotionCatalogue(), adequacy_test(found.evidence))
