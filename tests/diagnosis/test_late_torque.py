@@ -21,7 +21,7 @@ from pmg.pipeline.diagnosis.balance.library.term import Term
 from pmg.pipeline.diagnosis.engine.problem import bounded_sizes
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.candidates.reading_terms import _lagging
-from pmg.pipeline.diagnosis.motion.catalogue import without_opposed
+from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, without_opposed
 from pmg.pipeline.diagnosis.motion.constants import SKEW, sheet_of
 from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
@@ -56,6 +56,35 @@ def _shown(late: str, time: float) -> MotionDiagnosis:
 
     runs = tuple(_with_torque(run, shown(run.torque.sun) - run.torque.sun) for run in _campaign(31))
     return diagnose_motion(late, runs, load_bench(), np.random.default_rng(0))
+
+
+def test_a_set_holds_one_that_makes_a_torque_late() -> None:
+    rows = np.eye(6)
+    late, delay = TERMS["transducer_bandwidth/sun/first order"], TERMS["channel_delay/ring/"]
+    tables = {
+        t.key: Tabled(t, np.array([0.01]), rows[:, k, None, None])
+        for k, t in enumerate((late, delay, TERMS["torque_gain_error/sun/"]))
+    }
+    problem = TermProblem(np.zeros((6, 0)), rows[0], lambda t, _: tables[t.key].columns[:, 0], tables)
+    ids = [{fit.identifier for fit in MotionCatalogue().rank(problem, taken)} for taken in ((), ("channel_delay",))]
+    assert ids == [{"transducer_bandwidth", "channel_delay", "torque_gain_error"}, {"torque_gain_error"}]
+
+
+@given(st.floats(2.0, 20.0), st.floats(2e-3, 8e-3))
+def test_the_short_lag_is_undone_by_its_own_law(frequency: float, lag: float) -> None:
+    """Of a wave through two lags of half the time each, the law gives what it was, with the opposite sign missing."""
+    rate = 2j * math.pi * frequency
+    shown = 1.0 / (1.0 + 0.5 * lag * rate) ** 2
+    time = np.arange(0.0, 1.0, 1e-3)
+    torque, slope, curvature = ((shown * rate**k * np.exp(rate * time)).imag for k in range(3))
+    view = SimpleNamespace(shaft=SimpleNamespace(torque=torque, torque_rate=slope, torque_curvature=curvature))
+    term = TERMS["transducer_bandwidth/sun/second order, short"]
+    beyond = term.columns(cast("RotorView", view), lag)[:, 0]
+    np.testing.assert_allclose(torque - beyond, np.exp(rate * time).imag, atol=1e-9)
+    assert term.hears is not None
+    own, other = term.hears(np.array([rate]), lag)
+    assert np.allclose(own, 1.0 - 1.0 / shown)
+    assert other == 0.0
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,10 @@ TermNaming: TypeAlias = Naming[TermFit, TermProblem]
 IN_THE_MAIN = 0.15
 """Part of the gain of a set that may be left where every part of the record names that set."""
 
+NEARLY = 0.5
+"""Part of the leading gain from which on a shape that is the size of its term is searched, wherever it stands: between
+the values that are tabled it may gain twice as much."""
+
 TWIN = 0.999
 """Correlation of what two terms leave given everything else from which on a record cannot tell them apart."""
 
@@ -57,8 +61,9 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
         """All terms but some fitted, best score first."""
         terms = [table.term for table in problem.tables.values() if table.term.identifier not in without]
         fits = sorted((fit_term(problem, term, refine=False) for term in terms), key=lambda fit: -problem.score(fit))
-        for place, fit in enumerate(fits[: FIRST_OF_PAIRS + 1]):
-            if self._between(fit.candidate):
+        for place, fit in enumerate(fits):
+            ahead = place <= FIRST_OF_PAIRS or (fit.candidate.whole and fit.gain > NEARLY * fits[0].gain)
+            if ahead and self._between(fit.candidate):
                 fits[place] = fit_term(problem, fit.candidate)
         return sorted(fits, key=lambda fit: -problem.score(fit))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
@@ -13,6 +13,8 @@ from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
     from pmg.pipeline.diagnosis.balance.library.term import Term
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
@@ -37,6 +39,9 @@ ADDED = 4.0
 OPPOSED = 3.0
 """Standard uncertainties by which the skew of a reading may lead beside a torque of it that comes late."""
 
+LATE = frozenset(("transducer_bandwidth", "channel_delay"))
+"""What makes a torque come late; of it, a set holds one."""
+
 SMALL_REST = 0.01
 """Part of the torque that a constant moves which it may leave over, and pass for the error of its form."""
 
@@ -47,11 +52,18 @@ def form_margin(one: tuple[TermFit, ...], other: tuple[TermFit, ...]) -> float:
     return LATE_ALIKE if late else FORM_MARGIN
 
 
+@dataclass(frozen=True)
 class MotionCatalogue(TermCatalogue):
-    """The mechanisms that runs in motion may show."""
+    """The mechanisms that runs in motion may show; with `one_late`, a set holds one of those that come late."""
 
+    one_late: bool = True
     tells_weak: ClassVar[bool] = True
     form_margin: ClassVar[float] = FORM_MARGIN
+
+    def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
+        """All terms but some, best score first; beside one that comes late no other: both would be one lateness."""
+        late = LATE if self.one_late and not LATE.isdisjoint(without) else ()
+        return super().rank(problem, {*without, *late})
 
     def left_in_the_main(self, count: int) -> float:
         """A part of the gain that the mechanisms share: two together come near much that is neither."""

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
@@ -30,8 +31,11 @@ if TYPE_CHECKING:
 SEARCH_STEPS = "causes", "constants beside the first cause"
 """Steps of the search, as its progress names them."""
 
-STRAIGHTENED = 2
+STRAIGHTENED = 3
 """Times at most that the rows are made straight about what leads, and the library is searched anew."""
+
+MOVED = 1.2
+"""Factor on a delay or a lag from which on rows that are straight about the one are not about the other."""
 
 
 def name_causes(
@@ -56,23 +60,36 @@ def name_causes(
     -----
     The constants alone take up a part of a large cause, and rows that are straight about those constants show the rest
     as something else: a long delay as a lag, because a skew took up the first of it. Beside what leads they are nearer.
+    Once they are, another leader must explain what the one before explains. Before, a lag and a delay together come
+    nearer to a long one than either.
     """
     steps.begin(SEARCH_STEPS[0])
-    found, naming = _searched(found)
+    found, naming = _searched(found, MotionCatalogue(one_late=False))
     for turn in range(STRAIGHTENED if naming.best.fits else 0):
         if not turn:
             steps.begin(SEARCH_STEPS[1])
-        leading = naming.best
-        about, _ = fit_beside(before, noise, leading.fits)
-        found, naming = _searched(motion_evidence(about, noise, library(), rng))
-        if naming.best.ids in (leading.ids, frozenset()):
+        about, _ = fit_beside(before, noise, naming.best.fits)
+        before_it, (again, anew) = naming, _searched(motion_evidence(about, noise, library(), rng), MotionCatalogue())
+        if turn and naming.explained and not anew.explained:
+            break
+        found, naming = again, anew
+        if not naming.best.fits or not _elsewhere(before_it.best.fits, naming.best.fits):
             break
     naming = with_free_laws(naming, found.problem, MotionCatalogue(), adequacy_test(found.evidence))
     naming = with_late_look_alikes(without_held(with_look_alikes(naming, found.problem)), found.problem)
     return found, with_small_rest(naming, found)
 
 
-def _searched(found: MotionEvidence) -> tuple[MotionEvidence, TermNaming]:
+def _elsewhere(before: tuple[TermFit, ...], after: tuple[TermFit, ...]) -> bool:
+    """Whether other mechanisms lead than before, or the same delay or lag with a time that is far from it."""
+    if {fit.identifier for fit in before} != {fit.identifier for fit in after}:
+        return True
+    known = {fit.candidate: fit.shape for fit in before if fit.candidate.whole}
+    times = [(known[fit.candidate], fit.shape) for fit in after if fit.candidate in known]
+    return any(max(one, other) > MOVED * min(one, other) for one, other in times)
+
+
+def _searched(found: MotionEvidence, catalogue: MotionCatalogue) -> tuple[MotionEvidence, TermNaming]:
     """The evidence without what cannot be meant, and what the library says of it."""
     found = without_opposed(found)
-    return found, name_candidates(found.problem, MotionCatalogue(), adequacy_test(found.evidence))
+    return found, name_candidates(found.problem, catalogue, adequacy_test(found.evidence))

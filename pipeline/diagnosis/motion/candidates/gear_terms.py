@@ -30,6 +30,9 @@ STEADY_ANGLE = 0.004
 """Least pole angle at which one may give way [rad]: counts of the encoders let the pole angle tremble by a milliradian
 or two, and a spring that gives way at that follows their noise."""
 
+EVEN = 0.05
+"""Largest even harmonic of the torque over the pole angle [N m]: north and south poles that are alike make none."""
+
 
 def hysteresis_terms() -> Iterator[MotionTerm]:
     """Hysteresis of the magnetic spring."""
@@ -88,10 +91,25 @@ def spring_terms() -> Iterator[MotionTerm]:
     yield term(
         "torque_map_harmonic",
         "Torque against pole angle that is no sine",
+        "p A3 sin 3 phi",
+        signed("third", unit="N m", most=0.5),
+        lambda v, _: v.pairs * stack(np.sin(3.0 * v.state.pole_angle)),
+        engaged_only=True,
+        mimicked_by=tuple(map(map_name, MAP_WAVES)),
+        of_pole_angle=True,
+        follows=(LawCovariate.LOAD,),
+        component=Component.MAGNETIC_GEAR,
+        shaft="both",
+    )
+
+    yield term(
+        "torque_map_harmonic",
+        "Torque against pole angle that is no sine, and differs by the sense of it",
         "p (A2 sin 2 phi + A3 sin 3 phi)",
-        signed("second", "third", unit="N m", most=0.5),
+        (*signed("second", unit="N m", most=EVEN), *signed("third", unit="N m", most=0.5)),
         lambda v, _: v.pairs * stack(np.sin(2.0 * v.state.pole_angle), np.sin(3.0 * v.state.pole_angle)),
         engaged_only=True,
+        variant="even",
         mimicked_by=tuple(map(map_name, MAP_WAVES)),
         of_pole_angle=True,
         follows=(LawCovariate.LOAD,),

@@ -12,7 +12,13 @@ from pmg.pipeline.diagnosis.motion.candidates.gear_terms import (
     loss_terms,
     spring_terms,
 )
-from pmg.pipeline.diagnosis.motion.candidates.reading_terms import drift_terms, scale_terms, time_terms, zero_terms
+from pmg.pipeline.diagnosis.motion.candidates.reading_terms import (
+    delay_terms,
+    drift_terms,
+    lag_terms,
+    scale_terms,
+    zero_terms,
+)
 from pmg.pipeline.diagnosis.motion.candidates.shaft_terms import (
     bearing_terms,
     reversal_terms,
@@ -38,7 +44,8 @@ def library() -> tuple[MotionTerm, ...]:
         coupling_terms,
         play_terms,
         scale_terms,
-        time_terms,
+        lag_terms,
+        delay_terms,
         zero_terms,
         drift_terms,
     )

@@ -30,6 +30,9 @@ from 18 ms on, its steps reach into the band of the rows."""
 SHORT_LAG = 0.02
 """Longest lag that is made of the torque as shown [s]: of a longer one the noise would be most."""
 
+SHORTER_LAG = 8e-3
+"""The same of the second order [s]: of a longer one the second derivative would be most of it, and pass for a delay."""
+
 WHOLE = (Quantity("part", "1", (1.0, 1.0)),)
 """Amplitude of what comes late as a whole."""
 
@@ -143,8 +146,8 @@ def scale_terms(side: str) -> Iterator[MotionTerm]:
     )
 
 
-def time_terms(side: str) -> Iterator[MotionTerm]:
-    """What a transducer shows later than it is."""
+def lag_terms(side: str) -> Iterator[MotionTerm]:
+    """A transducer that follows its torque slowly."""
     transducer = Component(f"{side}_torque_transducer")
     yield term(
         "transducer_bandwidth",
@@ -157,6 +160,21 @@ def time_terms(side: str) -> Iterator[MotionTerm]:
         source=sources.BALANCE,
         component=transducer,
         shaft=side,
+    )
+
+    yield term(
+        "transducer_bandwidth",
+        "Second-order lag of the transducer, short",
+        "-tau dT/dt - tau2/4 d2T/dt2",
+        WHOLE,
+        lambda v, lag: stack(-lag * v.shaft.torque_rate - 0.25 * lag**2 * v.shaft.torque_curvature),
+        hears=lambda rate, lag: (-rate * lag - 0.25 * (rate * lag) ** 2, 0.0),
+        mimicked_by=(f"skew_{side}",),
+        source=sources.BALANCE,
+        shape=Quantity("lag", "s", (1e-3, SHORTER_LAG)),
+        component=transducer,
+        shaft=side,
+        variant="second order, short",
     )
 
     for order, name, equation in ((1, "first", "T/(1 + tau s) - T"), (2, "second", "T/(1 + tau s/2)^2 - T")):
@@ -174,6 +192,10 @@ def time_terms(side: str) -> Iterator[MotionTerm]:
             variant=f"{name} order",
         )
 
+
+def delay_terms(side: str) -> Iterator[MotionTerm]:
+    """A transducer that shows its torque some time after it was."""
+    transducer = Component(f"{side}_torque_transducer")
     yield term(
         "channel_delay",
         "Delay between the channels of torque and angle",
