@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.importers.guess.map_text import OPEN, quoted
@@ -135,3 +137,22 @@ def _records(guess: MachineGuess) -> Iterator[str]:
         yield f"low_pass_Hz = {BAND * rate / keep:.4g}  # {BAND} rate_Hz / keep_every; below the first resonance"
         yield f"keep_every = {keep}"
     yield f'{OPEN}withheld = [""]  # files that take part in no fit, as "run_3.csv" or "run_3*"; or withheld_part = 0.3'
+
+
+def for_other_records(text: str) -> str:
+    """The text of a sound machine file with the names of withheld recordings as comments: they go with a folder."""
+    lines = text.split("\n")
+    first = next((at for at, line in enumerate(lines) if re.match(r"\s*withheld\s*=", line)), len(lines))
+    last = first
+    while last < len(lines) and not _whole("\n".join(lines[first : last + 1])):
+        last += 1
+    return "\n".join(f"# {line}" if first <= at <= last else line for at, line in enumerate(lines))
+
+
+def _whole(text: str) -> bool:
+    """Whether some lines are TOML by themselves."""
+    try:
+        tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return False
+    return True

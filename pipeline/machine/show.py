@@ -8,6 +8,7 @@ from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.machine.channel import COMMANDS
 from pmg.pipeline.machine.gear_page import gear_lines, gears_document
 from pmg.pipeline.machine.machine_file import read_machine
+from pmg.pipeline.machine.machine_text import for_other_records
 from pmg.pipeline.machine.magnetic import bench_of, remarks_on_bench, usual
 from pmg.pipeline.machine.shipped import machine_path, shipped
 from pmg.sim.errors import BenchError, near_miss
@@ -33,7 +34,7 @@ def new_machine(file: Path, like: str) -> tuple[str, ...]:
         raise BenchError(f"--like {like}", "unknown", f"one of {', '.join(known)}", near_miss(like, known))
     if file.exists():
         raise BenchError(str(file), "a file that is there", "a new one", "Choose another name; nothing was written.")
-    text = known[like].read_text(encoding="utf-8").replace("\nwithheld = ", "\n# withheld = ")
+    text = for_other_records(known[like].read_text(encoding="utf-8"))
     write_atomic(file, text.encode())
     return (
         f"{file}: begun from {like}. Put the numbers of your machine and the channels of its recordings in it, then:",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from pmg.pipeline.diagnosis.balance.machine.with_cause import with_cause
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.machine.machine_file import read_machine
+from pmg.pipeline.machine.machine_text import for_other_records
 from pmg.sim.errors import BenchError, RecordingError
 
 if TYPE_CHECKING:
@@ -55,10 +57,12 @@ def dragging(m: Turning) -> Array:
     return wheel.plain(m) + 0.05 * np.sign(m.speed) + 4e-4 * np.sign(m.speed) * m.speed**2
 
 
-def records(folder: Path, torque: Callable[[Turning], Array], seed: int) -> Path:
+def records(
+    folder: Path, torque: Callable[[Turning], Array], seed: int, names: tuple[str, ...] = ("fit.csv", "withheld.csv")
+) -> Path:
     rng = np.random.default_rng(seed)
     folder.mkdir()
-    for name in ("fit.csv", "withheld.csv"):
+    for name in names:
         m = wheel.turning(rng, 30.0)
         wheel.record(folder / name, m, torque(m), rng)
     return folder
@@ -91,7 +95,7 @@ def test_what_was_named_is_known_of_further_recordings(tmp_path: Path) -> None:
     assert {row.split(",")[0] for row in rows[1:]} == {"fit.csv"}
     assert float(rows[1].split(",")[1]) < 1.0
     assert WITH_CAUSE in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    (term,) = case_of(read_machine(file), tmp_path / "a").known
+    (term,) = case_of(read_machine(file), records(tmp_path / "others", dragging, 3, ("run_4.csv",))).known
     assert term.term.identifier == "drag_of_power"
     assert term.shape == pytest.approx(2.0, abs=0.1)
     again = diagnosed(file, records(tmp_path / "b", dragging, 8))
@@ -155,6 +159,16 @@ def test_a_size_that_goes_with_its_recordings_is_not_written_and_not_taken(
     case = case_of(read_machine(written(tmp_path, known(*rows[named]))), folder)
     with pytest.raises(RecordingError, match="goes with the recordings"):
         read_recordings(case)
+
+
+@pytest.mark.parametrize("value", ['["run[1].csv"]', '[\n  "run_3.csv",  # a sweep\n]'])
+def test_names_of_withheld_recordings_go_with_a_folder(value: str) -> None:
+    text = MACHINE.replace('["withheld.csv"]', value)
+    kept = tomllib.loads(for_other_records(text))
+    read = tomllib.loads(text)
+    assert read["records"].pop("withheld")
+    assert kept == read
+    assert for_other_records(for_other_records(text)) == for_other_records(text)
 
 
 POWER = (("drag_of_power", "d", 1e-3, "N m"), ("drag_of_power", "n", 2.0, "1"))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from pmg.pipeline.diagnosis.balance.known_terms import of_its_recordings
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.machine.machine_text import for_other_records
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,8 +20,9 @@ if TYPE_CHECKING:
 def with_cause(text: str, diagnosis: TermsDiagnosis) -> str:
     """A machine file with what was named as known terms, to go on with; empty where there is nothing to write.
 
-    Not written is a term whose size is that of its recordings alone, one that the file knows already, one of a size
-    that no file may give, and what does not fit into the form of the file.
+    It is for other recordings: names of those that were withheld are comments in it. Not written is a term whose size
+    is that of its recordings alone, one that the file knows already, one of a size that no file may give, and what does
+    not fit into the form of the file.
 
     Parameters
     ----------
@@ -41,7 +43,7 @@ def with_cause(text: str, diagnosis: TermsDiagnosis) -> str:
     if not all(q.bounds[0] <= estimate.value <= q.bounds[1] for _, q, estimate in parameters):
         return ""
     rows = "\n".join(row for term, _, estimate in parameters for row in _row(term, estimate))
-    whole = f"{text.rstrip()}\n\n# Named, and known from here on.\n{rows}\n"
+    whole = f"{for_other_records(text).rstrip()}\n\n# Named, and known from here on.\n{rows}\n"
     try:
         tomllib.loads(whole)
     except tomllib.TOMLDecodeError:  # the file has its model in braces, to which nothing can be added
