@@ -27,6 +27,7 @@ FILES = 12
 LONGEST = (
     "test_tutorial.py",
     "balance/test_any_machine.py",
+    "balance/test_own_machine.py",
     "cli/test_cli.py",
     "balance/test_machine.py",
     "simulate/test_simulate.py",
@@ -41,7 +42,6 @@ LONGEST = (
     "report/test_signals_live.py",
     "sim/dynamics/test_kernel.py",
     "commands/test_scale.py",
-    "balance/test_own_machine.py",
     "recovery/test_limits.py",
     "report/test_live.py",
     "test_processors.py",

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.diagnosis.test_motion import _campaign
+from tests.diagnosis.test_motion import _campaign, _with_torque
 
 from pmg.pipeline.diagnosis.engine.separation import power_to_separate, squares_beyond
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.motion import decide, naming
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.design.foresight import Foresight
@@ -128,6 +129,25 @@ def test_a_campaign_that_cannot_see_is_told_the_run_that_shows_with_its_power() 
     told = motion_document(found)["statement"]
     assert "backwards (1 min, power 100%)" in told
     assert "drag that differs between the senses on the sun shaft" in told
+
+
+def test_what_the_search_set_aside_may_be_what_a_run_would_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a campaign that cannot see it and holds something that no candidate explains."""
+    key = "direction_dependent_friction/sun/"
+
+    def aside(found: MotionEvidence) -> MotionEvidence:
+        tables = {each: table for each, table in found.problem.tables.items() if each != key}
+        return replace(found, problem=replace(found.problem, tables=tables))
+
+    for module in (naming, decide):
+        monkeypatch.setattr(module, "without_opposed", aside)
+    hum = [0.03 * np.sin(2.0 * np.pi * 7.3 * np.arange(len(run.torque.sun)) / 1000.0) for run in _campaign(24)]
+    runs = tuple(_with_torque(run, hum[k] * run.turns.sun) for k, run in enumerate(_campaign(24)) if k in (0, 1, 2, 5))
+    found = diagnose_motion("one way", runs, load_bench(), np.random.default_rng(0))
+    assert found.mismatch.found
+    assert found.verdict is Verdict.CONFOUNDED
+    assert key in {spot.term.key for spot in found.unseen}
+    assert any("backwards" in run.description for run in found.next_runs)
 
 
 def test_a_power_counts_how_often_evidence_that_scatters_exceeds_its_margin() -> None:

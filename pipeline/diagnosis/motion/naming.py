@@ -64,19 +64,21 @@ def name_causes(
     nearer to a long one than either.
     """
     steps.begin(SEARCH_STEPS[0])
-    found, naming = _searched(found, MotionCatalogue(one_late=False))
+    naming = _searched(found, MotionCatalogue(one_late=False))
     for turn in range(STRAIGHTENED if naming.best.fits else 0):
         if not turn:
             steps.begin(SEARCH_STEPS[1])
         about, _ = fit_beside(before, noise, naming.best.fits)
-        before_it, (again, anew) = naming, _searched(motion_evidence(about, noise, library(), rng), MotionCatalogue())
+        again, before_it = motion_evidence(about, noise, library(), rng), naming
+        anew = _searched(again, MotionCatalogue())
         if turn and naming.explained and not anew.explained:
             break
         found, naming = again, anew
         if not naming.best.fits or not _elsewhere(before_it.best.fits, naming.best.fits):
             break
-    naming = with_free_laws(naming, found.problem, MotionCatalogue(), adequacy_test(found.evidence))
-    naming = with_late_look_alikes(without_held(with_look_alikes(naming, found.problem)), found.problem)
+    problem = without_opposed(found).problem
+    naming = with_free_laws(naming, problem, MotionCatalogue(), adequacy_test(found.evidence))
+    naming = with_late_look_alikes(without_held(with_look_alikes(naming, problem)), problem)
     return found, with_small_rest(naming, found)
 
 
@@ -89,7 +91,6 @@ def _elsewhere(before: tuple[TermFit, ...], after: tuple[TermFit, ...]) -> bool:
     return any(max(one, other) > MOVED * min(one, other) for one, other in times)
 
 
-def _searched(found: MotionEvidence, catalogue: MotionCatalogue) -> tuple[MotionEvidence, TermNaming]:
-    """The evidence without what cannot be meant, and what the library says of it."""
-    found = without_opposed(found)
-    return found, name_candidates(found.problem, catalogue, adequacy_test(found.evidence))
+def _searched(found: MotionEvidence, catalogue: MotionCatalogue) -> TermNaming:
+    """What the library says of the evidence without what cannot be meant."""
+    return name_candidates(without_opposed(found).problem, catalogue, adequacy_test(found.evidence))
