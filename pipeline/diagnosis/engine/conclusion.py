@@ -97,7 +97,8 @@ def conclude(
             naming = _with_parts(problem, catalogue, naming, held)
             verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
             return Conclusion(verdict=verdict, naming=naming, held_out=held)
-        if held is not None and naming.explained and not held.tells:
+        may_be = naming.explained and catalogue.tells_weak
+        if held is not None and may_be and not held.tells and held.rmse_after <= NOT_WORSE * held.rmse_before:
             naming = _with_parts(problem, catalogue, naming, held)
             return Conclusion(verdict=Verdict.AMBIGUOUS, naming=naming, held_out=held, weak=True)
         if held is None and naming.explained:

@@ -120,13 +120,20 @@ def without_held(naming: TermNaming) -> TermNaming:
     A zero that drifts is one that is off, and moves; where it does not move, nothing speaks for it. What it costs more
     is less than the margin, though.
     """
-    best = naming.best
+
+    def laws(explanation: TermSet) -> dict[tuple[str, str], MotionTerm]:
+        terms = (cast("MotionTerm", fit.candidate) for fit in explanation.fits)
+        return {(term.identifier, term.place): term for term in terms}
+
+    best = laws(naming.best)
 
     def held(rival: TermSet) -> bool:
-        others = [cast("MotionTerm", fit.candidate) for fit in rival.fits if fit.identifier not in best.ids]
-        holding = others and all(set(term.holds) & best.ids for term in others)
-        replaced = {name for term in others for name in term.holds} >= best.ids - rival.ids
-        return bool(holding and replaced and rival.gain - best.gain <= ADDED)
+        others = laws(rival)
+        further = [term for key, term in others.items() if key not in best]
+        holding = [{(name, term.place) for name in term.holds} & best.keys() for term in further]
+        replaced = best.keys() - others.keys()
+        whole = bool(holding) and all(holding) and set().union(*holding) >= replaced
+        return whole and rival.gain - naming.best.gain <= ADDED
 
     return replace(naming, rivals=tuple(rival for rival in naming.rivals if not held(rival)))
 

@@ -69,12 +69,13 @@ def name_causes(
         if not turn:
             steps.begin(SEARCH_STEPS[1])
         about, _ = fit_beside(before, noise, naming.best.fits)
-        again, before_it = motion_evidence(about, noise, library(), rng), naming
+        again = motion_evidence(about, noise, library(), rng)
         anew = _searched(again, MotionCatalogue())
-        if turn and naming.explained and not anew.explained:
+        changed = _elsewhere(naming.best.fits, anew.best.fits)
+        if turn and changed and naming.explained and not anew.explained:
             break
         found, naming = again, anew
-        if not naming.best.fits or not _elsewhere(before_it.best.fits, naming.best.fits):
+        if not naming.best.fits or not changed:
             break
     problem = without_opposed(found).problem
     naming = with_free_laws(naming, problem, MotionCatalogue(), adequacy_test(found.evidence))
@@ -83,8 +84,8 @@ def name_causes(
 
 
 def _elsewhere(before: tuple[TermFit, ...], after: tuple[TermFit, ...]) -> bool:
-    """Whether other mechanisms lead than before, or the same delay or lag with a time that is far from it."""
-    if {fit.identifier for fit in before} != {fit.identifier for fit in after}:
+    """Whether others lead than before, or on another shaft, or the same delay or lag with a time far from before."""
+    if {(fit.identifier, fit.place) for fit in before} != {(fit.identifier, fit.place) for fit in after}:
         return True
     known = {fit.candidate: fit.shape for fit in before if fit.candidate.whole}
     times = [(known[fit.candidate], fit.shape) for fit in after if fit.candidate in known]

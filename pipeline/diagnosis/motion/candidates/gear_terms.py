@@ -31,7 +31,8 @@ STEADY_ANGLE = 0.004
 or two, and a spring that gives way at that follows their noise."""
 
 EVEN = 0.05
-"""Largest even harmonic of the torque over the pole angle [N m]: north and south poles that are alike make none."""
+"""Largest even harmonic of the torque over the pole angle [N m], a tenth of the pull-out torque of the gears that ship:
+north and south poles that are alike make none."""
 
 
 def hysteresis_terms() -> Iterator[MotionTerm]:
@@ -104,7 +105,7 @@ def spring_terms() -> Iterator[MotionTerm]:
 
     yield term(
         "torque_map_harmonic",
-        "Torque against pole angle that is no sine, and differs by the sense of it",
+        "Torque against pole angle that is no sine, and steeper on one of its flanks",
         "p (A2 sin 2 phi + A3 sin 3 phi)",
         (*signed("second", unit="N m", most=EVEN), *signed("third", unit="N m", most=0.5)),
         lambda v, _: v.pairs * stack(np.sin(2.0 * v.state.pole_angle), np.sin(3.0 * v.state.pole_angle)),
