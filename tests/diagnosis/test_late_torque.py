@@ -27,6 +27,7 @@ from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motio
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
 from pmg.pipeline.diagnosis.motion.fitted_size import fitted_size
+from pmg.pipeline.diagnosis.motion.naming import _elsewhere
 from pmg.pipeline.diagnosis.motion.noise import RowNoise
 from pmg.pipeline.diagnosis.motion.view import RotorView
 from pmg.pipeline.motion.banded import BandedFactor
@@ -68,6 +69,25 @@ def test_a_set_holds_one_that_makes_a_torque_late() -> None:
     problem = TermProblem(np.zeros((6, 0)), rows[0], lambda t, _: tables[t.key].columns[:, 0], tables)
     ids = [{fit.identifier for fit in MotionCatalogue().rank(problem, taken)} for taken in ((), ("channel_delay",))]
     assert ids == [{"transducer_bandwidth", "channel_delay", "torque_gain_error"}, {"torque_gain_error"}]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "moved"),
+    [
+        (("channel_delay/sun/", 0.010), ("channel_delay/sun/", 0.0115), False),
+        (("channel_delay/sun/", 0.010), ("channel_delay/sun/", 0.0125), True),
+        (("channel_delay/sun/", 0.010), ("channel_delay/ring/", 0.010), True),
+        (("channel_delay/sun/", 0.010), ("transducer_bandwidth/sun/first order", 0.010), True),
+        (("torque_gain_error/sun/", math.nan), ("torque_gain_error/sun/curved", math.nan), False),
+    ],
+)
+def test_rows_are_made_straight_again_where_another_cause_or_another_time_leads(
+    before: tuple[str, float], after: tuple[str, float], moved: bool
+) -> None:
+    def fits(key: str, shape: float) -> tuple[TermFit, ...]:
+        return (TermFit(TERMS[key], 1.0, 1.0, np.zeros(1), (), np.ones(1), shape),)
+
+    assert _elsewhere(fits(*before), fits(*after)) is moved
 
 
 @given(st.floats(2.0, 20.0), st.floats(2e-3, 8e-3))
