@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.importers.guess.map_text import OPEN, quoted
 from pmg.pipeline.machine.channel import COMMANDS, TIMES
@@ -140,19 +140,25 @@ def _records(guess: MachineGuess) -> Iterator[str]:
 
 
 def for_other_records(text: str) -> str:
-    """The text of a sound machine file with the names of withheld recordings as comments: they go with a folder."""
+    """The text of a sound machine file with the names of withheld recordings as comments: they go with a folder.
+
+    As it is where the names do not stand in lines of their own.
+    """
     lines = text.split("\n")
     first = next((at for at, line in enumerate(lines) if re.match(r"\s*withheld\s*=", line)), len(lines))
     last = first
-    while last < len(lines) and not _whole("\n".join(lines[first : last + 1])):
+    while last < len(lines) and _table("\n".join(lines[first : last + 1])) is None:
         last += 1
-    return "\n".join(f"# {line}" if first <= at <= last else line for at, line in enumerate(lines))
+    without = "\n".join(f"# {line}" if first <= at <= last else line for at, line in enumerate(lines))
+    expected = _table(text)
+    if expected is not None and isinstance(records := expected.get("records"), dict):
+        records.pop("withheld", None)
+    return without if _table(without) == expected else text
 
 
-def _whole(text: str) -> bool:
-    """Whether some lines are TOML by themselves."""
+def _table(text: str) -> dict[str, Any] | None:
+    """Some lines as TOML; None where they are none by themselves."""
     try:
-        tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError:
-        return False
-    return True
+        return None

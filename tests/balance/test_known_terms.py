@@ -169,6 +169,8 @@ def test_names_of_withheld_recordings_go_with_a_folder(value: str) -> None:
     assert read["records"].pop("withheld")
     assert kept == read
     assert for_other_records(for_other_records(text)) == for_other_records(text)
+    for other in ('records = { withheld = ["a.csv"] }\n', 'title = """\nwithheld = 3\n"""\n'):
+        assert for_other_records(other) == other
 
 
 POWER = (("drag_of_power", "d", 1e-3, "N m"), ("drag_of_power", "n", 2.0, "1"))
