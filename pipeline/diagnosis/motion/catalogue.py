@@ -37,7 +37,8 @@ ADDED = 4.0
 """Fall of the sum of squares [noise variances] that a further parameter brings by chance one time in twenty."""
 
 OPPOSED = 3.0
-"""Standard uncertainties by which the skew of a reading may lead beside a torque of it that comes late."""
+"""Standard uncertainties of its data sheet by which the skew of a transducer may be negative beside a delay or lag of
+the same transducer."""
 
 LATE = frozenset(("transducer_bandwidth", "channel_delay"))
 """What makes a torque come late; of it, a set holds one."""
@@ -61,7 +62,7 @@ class MotionCatalogue(TermCatalogue):
     form_margin: ClassVar[float] = FORM_MARGIN
 
     def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
-        """All terms but some, best score first; beside one that comes late no other: both would be one lateness."""
+        """All terms but some, best score first; with a delay in the set no lag is tried, and with a lag no delay."""
         late = LATE if self.one_late and not LATE.isdisjoint(without) else ()
         return super().rank(problem, {*without, *late})
 
@@ -149,7 +150,7 @@ def without_opposed(found: MotionEvidence) -> MotionEvidence:
 
 
 def _opposed(found: MotionEvidence, candidate: Term[Any]) -> bool:
-    """Whether a delay or lag as a whole stands beside a skew that far ahead of its data sheet, and takes up none."""
+    """Whether a delay or lag makes the skew of its transducer negative by `OPPOSED`, and the fit had no large delay."""
     term = cast("MotionTerm", candidate)
     if not (term.comes_late and term.whole):
         return False

@@ -89,34 +89,35 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
 
 def spring_terms() -> Iterator[MotionTerm]:
     """The magnetic spring: its shape, its strength."""
-    yield term(
-        "torque_map_harmonic",
-        "Torque against pole angle that is no sine",
-        "p A3 sin 3 phi",
-        signed("third", unit="N m", most=0.5),
-        lambda v, _: v.pairs * stack(np.sin(3.0 * v.state.pole_angle)),
-        engaged_only=True,
-        mimicked_by=tuple(map(map_name, MAP_WAVES)),
-        of_pole_angle=True,
-        follows=(LawCovariate.LOAD,),
-        component=Component.MAGNETIC_GEAR,
-        shaft="both",
-    )
+    third, second = signed("third", unit="N m", most=0.5), signed("second", unit="N m", most=EVEN)
+    for waves, sizes, variant, shape, equation in (
+        ((3,), third, "", "is no sine", "p A3 sin 3 phi"),
+        (
+            (2, 3),
+            (*second, *third),
+            "even",
+            "is no sine, and steeper on one of its flanks",
+            "p (A2 sin 2 phi + A3 sin 3 phi)",
+        ),
+    ):
 
-    yield term(
-        "torque_map_harmonic",
-        "Torque against pole angle that is no sine, and steeper on one of its flanks",
-        "p (A2 sin 2 phi + A3 sin 3 phi)",
-        (*signed("second", unit="N m", most=EVEN), *signed("third", unit="N m", most=0.5)),
-        lambda v, _: v.pairs * stack(np.sin(2.0 * v.state.pole_angle), np.sin(3.0 * v.state.pole_angle)),
-        engaged_only=True,
-        variant="even",
-        mimicked_by=tuple(map(map_name, MAP_WAVES)),
-        of_pole_angle=True,
-        follows=(LawCovariate.LOAD,),
-        component=Component.MAGNETIC_GEAR,
-        shaft="both",
-    )
+        def law(view: RotorView, _: float, waves: tuple[int, ...] = waves) -> Array:
+            return view.pairs * stack(*(np.sin(wave * view.state.pole_angle) for wave in waves))
+
+        yield term(
+            "torque_map_harmonic",
+            f"Torque against pole angle that {shape}",
+            equation,
+            sizes,
+            law,
+            engaged_only=True,
+            variant=variant,
+            mimicked_by=tuple(map(map_name, MAP_WAVES)),
+            of_pole_angle=True,
+            follows=(LawCovariate.LOAD,),
+            component=Component.MAGNETIC_GEAR,
+            shaft="both",
+        )
 
     yield term(
         "pull_out_torque",

@@ -31,7 +31,7 @@ SHORT_LAG = 0.02
 """Longest lag that is made of the torque as shown [s]: of a longer one the noise would be most."""
 
 SHORTER_LAG = 8e-3
-"""The same of the second order [s]: of a longer one the second derivative would be most of it, and pass for a delay."""
+"""The same of the second order [s]: a longer one passes for a delay, of 12 ms to three parts in a hundred at 16 ms."""
 
 WHOLE = (Quantity("part", "1", (1.0, 1.0)),)
 """Amplitude of what comes late as a whole."""
