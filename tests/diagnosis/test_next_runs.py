@@ -14,7 +14,7 @@ from tests.diagnosis.test_motion import _campaign, _with_torque
 
 from pmg.pipeline.diagnosis.engine.separation import power_to_separate, squares_beyond
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
-from pmg.pipeline.diagnosis.motion import decide, naming
+from pmg.pipeline.diagnosis.motion import naming
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.design.foresight import Foresight
@@ -139,8 +139,7 @@ def test_what_the_search_set_aside_may_be_what_a_run_would_show(monkeypatch: pyt
         tables = {each: table for each, table in found.problem.tables.items() if each != key}
         return replace(found, problem=replace(found.problem, tables=tables))
 
-    for module in (naming, decide):
-        monkeypatch.setattr(module, "without_opposed", aside)
+    monkeypatch.setattr(naming, "without_opposed", aside)
     hum = [0.03 * np.sin(2.0 * np.pi * 7.3 * np.arange(len(run.torque.sun)) / 1000.0) for run in _campaign(24)]
     runs = tuple(_with_torque(run, hum[k] * run.turns.sun) for k, run in enumerate(_campaign(24)) if k in (0, 1, 2, 5))
     found = diagnose_motion("one way", runs, load_bench(), np.random.default_rng(0))

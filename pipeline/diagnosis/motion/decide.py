@@ -14,7 +14,7 @@ from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, s
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 from pmg.pipeline.diagnosis.motion.candidates.library import library
-from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, columns_beside, without_opposed
+from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, columns_beside
 from pmg.pipeline.diagnosis.motion.design.next_runs import runs_to_see, runs_to_tell
 from pmg.pipeline.diagnosis.motion.design.unseen import unseen
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
@@ -143,11 +143,11 @@ def diagnose_motion(
     silent = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
     conclusion, together = Conclusion[TermFit, TermProblem](verdict=silent), None
     if mismatch.found:
-        found, naming = name_causes(found, before, noise, rng, steps)
+        found, meant, naming = name_causes(found, before, noise, rng, steps)
         steps.begin(STEPS[4])
         if blind:  # what it cannot show may be what is left
             naming = replace(naming, in_the_main=False)
-        conclusion = conclude(found.problem, MotionCatalogue(), naming, _proof(without_opposed(found), naming, rng))
+        conclusion = conclude(found.problem, MotionCatalogue(), naming, _proof(meant, naming, rng))
         if blind and conclusion.verdict is Verdict.NOT_IN_LIBRARY:
             conclusion = replace(conclusion, verdict=Verdict.CONFOUNDED)
         named = conclusion.naming.best.fits if conclusion.verdict.names and conclusion.naming is not None else ()

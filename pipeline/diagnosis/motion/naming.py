@@ -40,8 +40,10 @@ MOVED = 1.2
 
 def name_causes(
     found: MotionEvidence, before: MotionBaseline, noise: list[RowNoise], rng: np.random.Generator, steps: Steps
-) -> tuple[MotionEvidence, TermNaming]:
+) -> tuple[MotionEvidence, MotionEvidence, TermNaming]:
     """What the library says of a mismatch, with the evidence about the constants beside what it names.
+
+    That is given whole, and without the candidates that cannot be meant.
 
     Parameters
     ----------
@@ -64,23 +66,24 @@ def name_causes(
     nearer to a long one than either.
     """
     steps.begin(SEARCH_STEPS[0])
-    naming = _searched(found, MotionCatalogue(one_late=False))
+    meant = without_opposed(found)
+    naming = _searched(meant, MotionCatalogue(one_late=False))
     for turn in range(STRAIGHTENED if naming.best.fits else 0):
         if not turn:
             steps.begin(SEARCH_STEPS[1])
         about, _ = fit_beside(before, noise, naming.best.fits)
         again = motion_evidence(about, noise, library(), rng)
-        anew = _searched(again, MotionCatalogue())
+        meant_again = without_opposed(again)
+        anew = _searched(meant_again, MotionCatalogue())
         changed = _elsewhere(naming.best.fits, anew.best.fits)
         if turn and changed and naming.explained and not anew.explained:
             break
-        found, naming = again, anew
+        found, meant, naming = again, meant_again, anew
         if not naming.best.fits or not changed:
             break
-    problem = without_opposed(found).problem
-    naming = with_free_laws(naming, problem, MotionCatalogue(), adequacy_test(found.evidence))
-    naming = with_late_look_alikes(without_held(with_look_alikes(naming, problem)), problem)
-    return found, with_small_rest(naming, found)
+    naming = with_free_laws(naming, meant.problem, MotionCatalogue(), adequacy_test(meant.evidence))
+    naming = with_late_look_alikes(without_held(with_look_alikes(naming, meant.problem)), meant.problem)
+    return found, meant, with_small_rest(naming, found)
 
 
 def _elsewhere(before: tuple[TermFit, ...], after: tuple[TermFit, ...]) -> bool:
@@ -92,6 +95,6 @@ def _elsewhere(before: tuple[TermFit, ...], after: tuple[TermFit, ...]) -> bool:
     return any(max(one, other) > MOVED * min(one, other) for one, other in times)
 
 
-def _searched(found: MotionEvidence, catalogue: MotionCatalogue) -> TermNaming:
+def _searched(meant: MotionEvidence, catalogue: MotionCatalogue) -> TermNaming:
     """What the library says of the evidence without what cannot be meant."""
-    return name_candidates(without_opposed(found).problem, catalogue, adequacy_test(found.evidence))
+    return name_candidates(meant.problem, catalogue, adequacy_test(meant.evidence))
