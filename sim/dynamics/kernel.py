@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pmg.sim.dynamics import kernelcache
+from pmg.sim.dynamics.equations import Equations
 from pmg.sim.dynamics.run_values import Room, Settings, Well
 from pmg.sim.dynamics.state import STATES, SetPoints
 from pmg.sim.dynamics.structure import survey
@@ -66,24 +67,30 @@ class Kernel:
     parameters: Array
     well: Well
 
+    @property
+    def equations(self) -> Equations:
+        """The generated functions."""
+        return Equations(*(getattr(self.module, name) for name in Equations._fields))
+
     def rates(self, state: Array, asked: Array) -> Array:
         """Time derivative of the state (20,)."""
-        out = np.empty(state.size)
-        self.module.rates(state, asked, self.parameters, out)
-        return out
+        return self._evaluated(state, asked)[0]
 
     def jacobian(self, state: Array, asked: Array = NOTHING_ASKED) -> Array:
         """Its derivative with respect to the state (20, 20), from formulas."""
-        entries, whole = np.empty(self.module.ENTRIES), np.zeros((state.size, state.size))
-        self.module.slopes(state, asked, self.parameters, entries)
-        whole[self.module.ROWS, self.module.COLUMNS] = entries
+        whole = np.zeros((state.size, state.size))
+        whole[self.module.ROWS, self.module.COLUMNS] = self._evaluated(state, asked)[1]
         return whole
 
     def sums(self, state: Array) -> Array:
         """The powers that are summed over a run [W]."""
-        out = np.empty(self.number_of_sums)
-        self.module.sums(state, self.parameters, out)
-        return out
+        return self._evaluated(state, NOTHING_ASKED)[2]
+
+    def _evaluated(self, state: Array, asked: Array) -> tuple[Array, Array, Array]:
+        """Rates, elements of the Jacobian and powers at a state."""
+        found = np.empty(state.size), np.empty(self.module.ENTRIES), np.empty(self.number_of_sums)
+        _integrator().evaluate(self.equations, state, asked, self.parameters, *found)
+        return found
 
     @property
     def number_of_sums(self) -> int:
@@ -92,11 +99,9 @@ class Kernel:
 
     def solution(self, state: Array, d: float, right: Array, asked: Array = NOTHING_ASKED) -> Array:
         """Solution x of (d I - J) x = b at a state."""
-        entries, lu = np.empty(self.module.ENTRIES), np.empty(self.module.FACTORS)
-        self.module.slopes(state, asked, self.parameters, entries)
-        self.module.factor(entries, d, lu)
         x = right.copy()
-        self.module.solve(lu, x)
+        entries = self._evaluated(state, asked)[1]
+        _integrator().take_apart(self.equations, entries, d, np.empty(self.module.FACTORS), x)
         return x
 
     def run(self, start: Array, legs: Legs, instants: Array, settings: Settings, *, energy: bool = True) -> SolverRun:
@@ -104,10 +109,13 @@ class Kernel:
         last = np.array(start, dtype=np.float64)
         room = Room(
             np.empty((instants.size, start.size)),
-            np.empty(self.number_of_sums if energy else 0),
+            np.zeros(self.number_of_sums if energy else 0),
             np.empty(MOST_SLIPS if self.well.phase >= 0 else 0),
+            np.empty(self.module.ENTRIES),
+            np.empty(self.module.FACTORS),
         )
-        ended = self.module.integrate(last, self.parameters, legs, instants, self.well, settings, room)
+        given = self.equations, last, self.parameters, legs, instants, self.well, settings, room
+        ended = _integrator().integrate(*given)
         return SolverRun(
             ended.code,
             ended.steps,
@@ -132,6 +140,16 @@ class _Blueprint:
 
     def __hash__(self) -> int:
         return hash(self.structure)
+
+
+@lru_cache(maxsize=1)
+def _integrator() -> ModuleType:
+    def make(cache: bool) -> str:
+        from pmg.sim.dynamics.codegen import integrator_text  # it loads the symbols' library
+
+        return integrator_text(cache)
+
+    return kernelcache.load_solver("integrator", True, make)
 
 
 @lru_cache(maxsize=64)

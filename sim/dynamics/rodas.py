@@ -1,8 +1,7 @@
 """The fast solver: Rodas4, a one-step L-stable Rosenbrock method of order four with error control and dense output.
 
-The functions of this module are never run as they stand. `pmg.sim.dynamics.codegen` writes the generated functions of
-a drivetrain in front of their text, in place of those of `slots`, and the whole is compiled. So they are plain
-arithmetic on floats and preallocated arrays.
+The functions of this module are never run as they stand: `pmg.sim.dynamics.codegen` has their text compiled, once for
+all drivetrains, whose equations it is given. So they are plain arithmetic on floats and preallocated arrays.
 
 Method and coefficients: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, 2nd edition, Springer 1996,
 section IV.7, method RODAS (gamma = 1/4, six stages, stiffly accurate), with the step control of section IV.8.
@@ -19,13 +18,16 @@ import numpy as np
 
 from pmg.sim.dynamics.run_values import DONE, NO_STEP, STOPPED, TOO_MANY, Ended, Lock, Slips, Stride
 from pmg.sim.dynamics.segments import follow
-from pmg.sim.dynamics.solver_stubs import ENTRIES, FACTORS, SIZE, drift, factor, rates, slip_rate, slopes, solve, sums
+from pmg.sim.dynamics.state import STATES
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
+    from pmg.sim.dynamics.equations import Equations
     from pmg.sim.dynamics.run_values import Room, Settings, Well
     from pmg.sim.dynamics.segments import Legs
     from pmg.sim.signals import Array
+
+SIZE = len(STATES)
 
 GAMMA = 0.25
 ALPHA = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
@@ -88,53 +90,54 @@ def _put_set(row: Array, time: float, k: Array) -> None:
         k[SET_RATES, side] = k[SET, 2 + side]
 
 
-def _make_stages(t: float, step: float, y: Array, p: Array, row: Array, k: Array, j: Array, lu: Array) -> None:
+def _make_stages(of: Equations, span: Stride, y: Array, p: Array, row: Array, k: Array, j: Array, lu: Array) -> None:
     """The six stages of a step, and the new state without the last, into `k`."""
+    t, step = span.begin, span.length
     r = 1.0 / step
     _put_set(row, t, k)
-    rates(y, k[SET], p, k[F])
-    drift(y, k[SET], k[SET_RATES], p, k[FT])
-    slopes(y, k[SET], p, j)
-    factor(j, 1.0 / (GAMMA * step), lu)
+    of.rates(y, k[SET], p, k[F])
+    of.drift(y, k[SET], k[SET_RATES], p, k[FT])
+    of.slopes(y, k[SET], p, j)
+    of.factor(j, 1.0 / (GAMMA * step), lu)
     for i in range(SIZE):
         k[U1, i] = k[F, i] + step * GAMMA_SUM[0] * k[FT, i]
-    solve(lu, k[U1])
+    of.solve(lu, k[U1])
     for i in range(SIZE):
         k[W, i] = y[i] + A_21 * k[U1, i]
     _put_set(row, t + ALPHA[1] * step, k)
-    rates(k[W], k[SET], p, k[U2])
+    of.rates(k[W], k[SET], p, k[U2])
     for i in range(SIZE):
         k[U2, i] += r * C_21 * k[U1, i] + step * GAMMA_SUM[1] * k[FT, i]
-    solve(lu, k[U2])
+    of.solve(lu, k[U2])
     for i in range(SIZE):
         k[W, i] = y[i] + A_31 * k[U1, i] + A_32 * k[U2, i]
     _put_set(row, t + ALPHA[2] * step, k)
-    rates(k[W], k[SET], p, k[U3])
+    of.rates(k[W], k[SET], p, k[U3])
     for i in range(SIZE):
         k[U3, i] += r * (C_31 * k[U1, i] + C_32 * k[U2, i]) + step * GAMMA_SUM[2] * k[FT, i]
-    solve(lu, k[U3])
+    of.solve(lu, k[U3])
     for i in range(SIZE):
         k[W, i] = y[i] + A_41 * k[U1, i] + A_42 * k[U2, i] + A_43 * k[U3, i]
     _put_set(row, t + ALPHA[3] * step, k)
-    rates(k[W], k[SET], p, k[U4])
+    of.rates(k[W], k[SET], p, k[U4])
     for i in range(SIZE):
         bent = C_41 * k[U1, i] + C_42 * k[U2, i] + C_43 * k[U3, i]
         k[U4, i] += r * bent + step * GAMMA_SUM[3] * k[FT, i]
-    solve(lu, k[U4])
+    of.solve(lu, k[U4])
     for i in range(SIZE):
         k[W, i] = y[i] + A_51 * k[U1, i] + A_52 * k[U2, i] + A_53 * k[U3, i] + A_54 * k[U4, i]
     _put_set(row, t + step, k)
-    rates(k[W], k[SET], p, k[U5])
+    of.rates(k[W], k[SET], p, k[U5])
     for i in range(SIZE):
         k[U5, i] += r * (C_51 * k[U1, i] + C_52 * k[U2, i] + C_53 * k[U3, i] + C_54 * k[U4, i])
-    solve(lu, k[U5])
+    of.solve(lu, k[U5])
     for i in range(SIZE):
         k[W, i] += k[U5, i]
-    rates(k[W], k[SET], p, k[U6])
+    of.rates(k[W], k[SET], p, k[U6])
     for i in range(SIZE):
         bent = C_61 * k[U1, i] + C_62 * k[U2, i] + C_63 * k[U3, i] + C_64 * k[U4, i]
         k[U6, i] += r * (bent + C_65 * k[U5, i])
-    solve(lu, k[U6])
+    of.solve(lu, k[U6])
 
 
 def _finish(y: Array, k: Array, rtol: float, scales: Array) -> float:
@@ -158,11 +161,6 @@ def _shrinkage(error: float) -> float:
     """Divisor of the step for an error of the tolerance."""
     shrinkage: float = error**0.25 / 0.9
     return max(0.2, min(6.0, shrinkage))
-
-
-def _shorter(step: float, error: float) -> float:
-    """Step to try after one that is rejected."""
-    return step / max(_shrinkage(error), 1.05) if math.isfinite(error) else 0.1 * step
 
 
 def _following(step: float, error: float, last_step: float, last_error: float) -> float:
@@ -204,12 +202,12 @@ def _slips(span: Stride, y: Array, k: Array, well: Well, stop: bool, slips: Arra
     return Slips(slipped, 1.0, False)
 
 
-def _watch(span: Stride, y: Array, k: Array, p: Array, locked: float, lock: Lock) -> Lock:
+def _watch(of: Equations, span: Stride, y: Array, k: Array, p: Array, locked: float, lock: Lock) -> Lock:
     """Whether the gear is locked, looked at some times within a step."""
     since, last = lock.since, lock.rate
     for look in range(1, LOOKS + 1):
         _at_share(look / LOOKS, y, k, k[MIDDLE])
-        rate = abs(slip_rate(k[MIDDLE], p))
+        rate = abs(of.slip_rate(k[MIDDLE], p))
         if rate >= locked:
             since = math.nan
         elif math.isnan(since):
@@ -224,36 +222,36 @@ def _copy(values: Array, out: Array) -> None:
         out[i] = values[i]
 
 
-def _sum_up(duration: float, k: Array, p: Array, q: Array, energy: Array) -> None:
+def _sum_up(of: Equations, duration: float, k: Array, p: Array, q: Array, energy: Array) -> None:
     """Adds the powers' sums over a step by Simpson's rule: `q` holds those at its begin, `k[MIDDLE]` is its middle."""
     if energy.size:
-        sums(k[MIDDLE], p, q[1])
-        sums(k[W], p, q[2])
+        of.sums(k[MIDDLE], p, q[1])
+        of.sums(k[W], p, q[2])
         for i in range(energy.size):
             energy[i] += duration / 6.0 * (q[0, i] + 4.0 * q[1, i] + q[2, i])
             q[0, i] = q[2, i]
 
 
-def integrate(y: Array, p: Array, legs: Legs, instants: Array, well: Well, settings: Settings, room: Room) -> Ended:
+def integrate(
+    of: Equations, y: Array, p: Array, legs: Legs, instants: Array, well: Well, settings: Settings, room: Room
+) -> Ended:
     """Run from time 0 through all legs.
 
-    The start state `y` (20,) is the last one afterwards; `p` are the parameters of the drivetrain, `instants` (m,)
-    the times to report [s]; `room` is filled.
+    The start state `y` (20,) is the last one afterwards; `p` are the parameters of the drivetrain `of` which these are
+    the equations, `instants` (m,) the times to report [s]; `room` is filled.
     """
-    k, j, lu, q = np.empty((14, SIZE)), np.empty(ENTRIES), np.empty(FACTORS), np.empty((3, room.energy.size))
-    states, energy, slips = room.states, room.energy, room.slips
+    k, q = np.empty((14, SIZE)), np.empty((3, room.energy.size))
+    states, energy, slips, j, lu = room.states, room.energy, room.slips, room.entries, room.factors
     rtol, scales, locked, stop = settings.rtol, settings.scales, settings.locked, settings.stop
-    for i in range(energy.size):  # by elements: an assignment of slices takes the compiler a second
-        energy[i] = 0.0
     t, h, last_step, last_error = 0.0, FIRST_STEP, 0.0, 1.0
     steps, rejected, reported, slipped, after_reject = 0, 0, 0, 0, False
     while reported < instants.size and instants[reported] <= t:
         _copy(y, states[reported])
         reported += 1
-    rate = abs(slip_rate(y, p))
+    rate = abs(of.slip_rate(y, p))
     lock = Lock(0.0 if well.phase >= 0 and rate < locked else math.nan, rate)
     if energy.size:
-        sums(y, p, q[0])
+        of.sums(y, p, q[0])
     for leg in range(legs.ends.size):
         end, row = legs.ends[leg], legs.rows[leg]
         while t < end:
@@ -263,11 +261,12 @@ def integrate(y: Array, p: Array, legs: Legs, instants: Array, well: Well, setti
                 return Ended(NO_STEP, steps, rejected, reported, slipped, lock.since, t)
             whole = t + 1.01 * h >= end
             step = end - t if whole else h
-            _make_stages(t, step, y, p, row, k, j, lu)
+            span = Stride(t, step)
+            _make_stages(of, span, y, p, row, k, j, lu)
             error = _finish(y, k, rtol, scales)
             if not error <= 1.0:  # NaN too
                 rejected, after_reject = rejected + 1, True
-                h = _shorter(step, error)
+                h = step / max(_shrinkage(error), 1.05) if math.isfinite(error) else 0.1 * step
                 continue
             following = _following(step, error, last_step, last_error)
             last_step, last_error = step, max(0.01, error)
@@ -275,11 +274,11 @@ def integrate(y: Array, p: Array, legs: Legs, instants: Array, well: Well, setti
                 following = min(following, step)
             steps, after_reject = steps + 1, False
             _bend(k)
-            span, at_end = Stride(t, step), end if whole else t + step
+            at_end = end if whole else t + step
             found = Slips(slipped, 1.0, False)
             if well.phase >= 0:
                 found = _slips(span, y, k, well, stop, slips, slipped)
-                lock = _watch(span, y, k, p, locked, lock)
+                lock = _watch(of, span, y, k, p, locked, lock)
             if found.halted:
                 at_end = t + found.share * step
             slipped = found.slipped
@@ -290,7 +289,7 @@ def integrate(y: Array, p: Array, legs: Legs, instants: Array, well: Well, setti
             if found.halted:
                 _at_share(found.share, y, k, k[U1])
                 _copy(k[U1], k[W])
-            _sum_up(at_end - t, k, p, q, energy)
+            _sum_up(of, at_end - t, k, p, q, energy)
             _copy(k[W], y)
             t = at_end
             if found.halted:

@@ -36,13 +36,16 @@ class Well(NamedTuple):
 class Room(NamedTuple):
     """Arrays that a run fills.
 
-    `states` (m, 20) at the wanted instants; `energy` (k,), the sums over time of the powers, empty when not wanted;
-    `slips` (q,), the times of slipped poles.
+    `states` (m, 20) at the wanted instants; `energy` (k,), zeros to which the sums over time of the powers are
+    added, empty when not wanted; `slips` (q,), the times of slipped poles; `entries` and `factors` of the Jacobian at
+    the last step.
     """
 
     states: Array
     energy: Array
     slips: Array
+    entries: Array
+    factors: Array
 
 
 class Ended(NamedTuple):

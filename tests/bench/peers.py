@@ -122,7 +122,7 @@ def numbalsoda_lsoda(times: Array) -> Peer:
     import numbalsoda  # type: ignore[import-not-found, unused-ignore]
 
     kernel, (sun, ring) = kernel_of(drivetrain()), programmes(POINT)
-    rates, size, count = kernel.module.rates, len(STATES), kernel.parameters.size
+    rates, size, count = kernel.equations.rates, len(STATES), kernel.parameters.size
     ends = float(sun.values[-1]), float(ring.values[-1])
 
     @njit  # type: ignore[untyped-decorator, unused-ignore]
