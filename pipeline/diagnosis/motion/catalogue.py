@@ -89,23 +89,31 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
         The answer of the search.
     problem : TermProblem
         Before anything was taken out.
+
+    Notes
+    -----
+    Two lags one after the other are nearer to a delay than one is. As a rival of a delay they count where one does.
     """
     best = naming.best
     late = [place for place, fit in enumerate(best.fits) if cast("MotionTerm", fit.candidate).comes_late]
     if not naming.may_be_named or not late:
         return naming
-    found, alike = {rival.ids: rival for rival in naming.rivals}, 0.0
+    found, alike = {rival.ids: rival for rival in naming.rivals if not _between(rival, best)}, 0.0
+    laws = [cast("MotionTerm", table.term) for table in problem.tables.values()]
     for place in late:
         fit, rest = best.fits[place], TermSet((), problem)
         for other in (*best.fits[:place], *best.fits[place + 1 :]):
             rest = rest.plus(other)
         named = fit_term(rest.problem, fit.candidate)
-        for law in [cast("MotionTerm", table.term) for table in problem.tables.values()]:
+        for law in sorted(laws, key=lambda law: law.between):
             if not law.comes_late or law.place != fit.place or law.identifier == fit.identifier:
                 continue
             other = fit_term(rest.problem, law)
             rival = rest.plus(other)
-            near = other.admissible and other.gain > (1.0 - LATE_ALIKE) * named.gain
+            if not other.admissible or (law.between and rival.ids not in found):
+                continue
+            as_much = other.gain > (1.0 - LATE_ALIKE) * named.gain
+            near = as_much or rival.score > best.score - MARGIN
             if near and (rival.ids not in found or rival.score > found[rival.ids].score):
                 found[rival.ids] = rival
                 alike = max(alike, LATE_ALIKE * named.gain)
@@ -113,6 +121,11 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
     return replace(
         naming, rivals=tuple(by_evidence), evidence_scale=min(naming.evidence_scale, MARGIN / (MARGIN + alike))
     )
+
+
+def _between(rival: TermSet, best: TermSet) -> bool:
+    """Whether a rival differs by a law that lies between two mechanisms."""
+    return any(cast("MotionTerm", fit.candidate).between for fit in rival.fits if fit.identifier not in best.ids)
 
 
 def without_held(naming: TermNaming) -> TermNaming:

@@ -65,13 +65,19 @@ def _crossing(torque: Array, contact: float, _: float) -> Array:
     It lies on a side where the torque is beyond `contact` [N m]. Nothing acts between: of a crossing from
     :math:`t_0` to :math:`t_1` it has gone the part :math:`((t - t_0)/(t_1 - t_0))^2`.
     """
-    place, lies = np.arange(len(torque)), np.abs(torque) > contact
+    size = np.abs(torque)
+    place, lies = np.arange(len(torque)), size > contact
     if not lies.any():
         return np.zeros(len(torque))
     first, last = np.flatnonzero(lies)[[0, -1]]
     left = np.maximum.accumulate(np.where(lies, place, first))
     reached = np.minimum.accumulate(np.where(lies, place, last)[::-1])[::-1]
-    gone = (place - left) / np.maximum(reached - left, 1)
+    after, ahead = np.minimum(left + 1, last), np.maximum(reached - 1, first)
+    crossing = ~lies & (left < place) & (place < reached)
+    fall, rise = (np.where(crossing, size[a] - size[b], 1.0) for a, b in ((left, after), (reached, ahead)))
+    begins = left + (size[left] - contact) / fall
+    ends = reached - (size[reached] - contact) / rise
+    gone = np.where(crossing, (place - begins) / np.maximum(ends - begins, 1e-9), 0.0)
     side = np.sign(torque)
     return np.asarray(0.5 * (side[left] + (side[reached] - side[left]) * np.clip(gone, 0.0, 1.0) ** 2))
 

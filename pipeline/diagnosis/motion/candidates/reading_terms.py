@@ -172,6 +172,7 @@ def lag_terms(side: str) -> Iterator[MotionTerm]:
         mimicked_by=(f"skew_{side}",),
         source=sources.BALANCE,
         shape=Quantity("lag", "s", (1e-3, SHORTER_LAG)),
+        between=True,
         component=transducer,
         shaft=side,
         variant="second order, short",

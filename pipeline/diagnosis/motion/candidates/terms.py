@@ -43,6 +43,9 @@ class MotionTerm(Term[RotorView]):
         Quantities along which its law may be another one.
     holds : tuple of str
         Ids of mechanisms that it is where a part of it is zero.
+    between : bool
+        Whether its law lies between the usual one of its mechanism and that of another, so that it is a rival of the
+        other where the usual one is, too.
     mixes : bool
         Whether its law may be one of several shapes at once, as of bristles of several lengths.
     of_pole_angle : bool
@@ -61,6 +64,7 @@ class MotionTerm(Term[RotorView]):
     hears: Callable[[Spectrum, float], tuple[Spectrum | float, Spectrum | float]] | None = None
     follows: tuple[LawCovariate, ...] = ()
     holds: tuple[str, ...] = ()
+    between: bool = False
     mixes: bool = False
     of_pole_angle: bool = False
     engaged_only: bool = False
