@@ -16,12 +16,14 @@ from scipy.linalg import cholesky_banded
 from scipy.signal import lfilter
 from tests.diagnosis.test_motion import RATE, _campaign, _dither, _run, _with_torque
 
+from pmg.pipeline.diagnosis.balance.catalogue import TermNaming, TermSet
 from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermFit, TermProblem, fit_term
 from pmg.pipeline.diagnosis.balance.library.term import Term
+from pmg.pipeline.diagnosis.engine.adequacy import Remainder
 from pmg.pipeline.diagnosis.engine.problem import bounded_sizes
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.candidates.reading_terms import _lagging
-from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, without_opposed
+from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, with_late_look_alikes, without_opposed
 from pmg.pipeline.diagnosis.motion.constants import SKEW, sheet_of
 from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
@@ -69,6 +71,26 @@ def test_a_set_holds_one_that_makes_a_torque_late() -> None:
     problem = TermProblem(np.zeros((6, 0)), rows[0], lambda t, _: tables[t.key].columns[:, 0], tables)
     ids = [{fit.identifier for fit in MotionCatalogue().rank(problem, taken)} for taken in ((), ("channel_delay",))]
     assert ids == [{"transducer_bandwidth", "channel_delay", "torque_gain_error"}, {"torque_gain_error"}]
+
+
+@pytest.mark.parametrize(("plain", "alike"), [(0.4, False), (0.15, True)])
+def test_a_short_lag_is_a_rival_of_a_delay_where_the_plain_lag_is_one(plain: float, alike: bool) -> None:
+    """The laws stand in one plane, the short lag at 0.1 rad from the delay that made the rows, the plain one beyond."""
+    rows = 12.0 * np.eye(6)[0]
+    angles = {"channel_delay/sun/": 0.0, "transducer_bandwidth/sun/second order, short": 0.1}
+    angles["transducer_bandwidth/sun/first order"] = plain
+    tables = {
+        key: Tabled(
+            TERMS[key], np.array([0.005]), (12.0 * np.array([math.cos(a), math.sin(a), 0, 0, 0, 0]))[:, None, None]
+        )
+        for key, a in angles.items()
+    }
+    problem = TermProblem(np.zeros((6, 0)), rows, lambda t, _: tables[t.key].columns[:, 0], tables)
+    best, short = (TermSet((fit := fit_term(problem, TERMS[key]),), problem.take_out(fit)) for key in list(angles)[:2])
+    nothing_left = Remainder(1.0, 0.0, 0.0)
+    naming = TermNaming(best, (short,), {"channel_delay": "sun"}, nothing_left, True, True, (), ())
+    rivals = with_late_look_alikes(naming, problem).rivals
+    assert [rival.ids for rival in rivals] == [{"transducer_bandwidth"}] * alike
 
 
 @pytest.mark.parametrize(
