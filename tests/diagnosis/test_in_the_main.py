@@ -17,6 +17,7 @@ from pmg.pipeline.diagnosis.engine.held_out import HeldOut
 from pmg.pipeline.diagnosis.engine.naming import Naming
 from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.rivals import NOT_PROVED, TOO_WEAK, why_weak
 from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, without_held
 
 if TYPE_CHECKING:
@@ -89,13 +90,49 @@ def test_where_withheld_rows_do_not_show_the_mismatch_what_explains_it_is_what_m
     before: float, after: float, explained: bool, verdict: Verdict
 ) -> None:
     """Two standard errors of the mean square of 4000 rows are 4.5 %: what lies below proves and refutes nothing."""
-    held = replace(proof(after, 1.0), rmse_before=before)
+    held = replace(proof(after, 1.0), rmse_before=before, gain_interval=(before - after - 0.01, before - after + 0.01))
     assert held.tells is (before > 1.02)
     naming = named(UNSEEN, explained=explained, in_the_main=False)
     found = conclude(NOTHING, MotionCatalogue(), naming, lambda _: held)
     assert found.verdict is verdict
     assert conclude(NOTHING, TermCatalogue(), naming, lambda _: held).verdict is Verdict.NOT_IN_LIBRARY
     assert found.weak is (verdict is Verdict.AMBIGUOUS)
+
+
+@pytest.mark.parametrize(("fall", "sure"), [(1.0, False), (24.0, False), (26.0, True), (90.0, True)])
+def test_a_cause_is_named_where_withheld_rows_show_a_quarter_of_what_the_fit_saw(fall: float, sure: bool) -> None:
+    """The mismatch is lost in the noise of the withheld rows, the fall of their squares is not; the gain is 100."""
+    before = 1.01
+    after = float(np.sqrt(before**2 - fall / 4000))
+    held = replace(proof(after, 1.0), rmse_before=before)
+    assert held.fall == pytest.approx(fall)
+    assert held.predicts
+    assert not held.tells
+    found = conclude(NOTHING, MotionCatalogue(), named(UNSEEN, explained=True), lambda _: held)
+    assert (found.verdict, found.weak) == ((Verdict.NAMED, False) if sure else (Verdict.AMBIGUOUS, True))
+    alone = conclude(NOTHING, TermCatalogue(), named(UNSEEN, explained=True), lambda _: held)
+    assert alone.verdict is Verdict.NAMED, "a machine's answer has no set of what may be"
+
+
+@pytest.mark.parametrize(
+    ("low", "left", "explained", "verdict"),
+    [
+        (0.4, UNSEEN, True, Verdict.AMBIGUOUS),
+        (-0.1, UNSEEN, True, Verdict.NOT_IN_LIBRARY),
+        (0.4, SEEN, True, Verdict.NOT_IN_LIBRARY),
+        (0.4, UNSEEN, False, Verdict.NOT_IN_LIBRARY),
+    ],
+)
+def test_what_explains_all_and_predicts_a_part_for_sure_is_what_may_be(
+    low: float, left: Remainder, explained: bool, verdict: Verdict
+) -> None:
+    held = replace(proof(2.2, 1.0), gain_interval=(low, 1.0))
+    assert held.tells
+    assert not held.predicts
+    found = conclude(NOTHING, MotionCatalogue(), named(left, explained=explained, in_the_main=False), lambda _: held)
+    assert (found.verdict, found.weak) == (verdict, verdict is Verdict.AMBIGUOUS)
+    assert found.unproved is found.weak
+    assert why_weak(found) == (NOT_PROVED if found.weak else TOO_WEAK)
 
 
 def test_mechanisms_in_motion_share_what_may_be_left() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.chapters.explained.grounds import on_bound
 from pmg.pipeline.diagnosis.engine.conclusion import probabilities
 from pmg.pipeline.diagnosis.grid.decide import JUDGE_DRAWS
+from pmg.pipeline.diagnosis.grid.rivals import why_weak
 from pmg.pipeline.report.document import Column, Facts, Measured, Table
 from pmg.pipeline.wording.probability import search_p_text
 
@@ -83,7 +84,7 @@ def _mechanisms(diagnosis: Diagnosis) -> Table:
             ]
     title, text = "Cause", "Baseline and mechanism fitted together, every constant free"
     if diagnosis.weak:
-        title, text = "Possible cause", f"The first of a set too weak to separate. {text}"
+        title, text = "Possible cause", f"The first of those possible. {why_weak(diagnosis)[1]}. {text}"
     elif diagnosis.rivals:
         weight = probabilities(diagnosis)[0]
         title, text = "Possible cause", f"{text}; weight among the causes that fit {weight:.0%}"

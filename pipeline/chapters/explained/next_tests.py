@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.grid.rivals import why_weak
 from pmg.pipeline.report.document import Column, Table
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
@@ -39,7 +40,7 @@ def _rivals(diagnosis: Diagnosis) -> Table:
                 None if test is None else 100.0 * test.power,
             )
         )
-    why = "The mismatch is too weak to name its cause. " if diagnosis.weak else ""
+    why = f"{why_weak(diagnosis)[1]}. " if diagnosis.weak else ""
     return Table(
         "rivals",
         "What these recordings cannot tell from it",

@@ -32,6 +32,10 @@ UNPREDICTED = 0.25
 """Part of the mismatch of withheld rows that a cause in the main need not predict where no structure is seen in what it
 leaves: near standstill a few rows hold most of a friction, and there its form is least known."""
 
+SHOWN = 0.25
+"""Part of the fall of squares on the rows of the fit that withheld rows must show, where the mismatch is lost in their
+noise, for a cause to be borne out."""
+
 NOT_WORSE = 1.03
 """Withheld error with a weak candidate in, over that without, up to which it stays in the set of what may be."""
 
@@ -49,7 +53,7 @@ class Conclusion(Generic[F, P]):
     held_out : HeldOut or None
         Errors on withheld rows without and with what was left out.
     weak : bool
-        Whether the mismatch is too weak to name its cause, so that the set is what may make it.
+        Whether the set is what may make it: the mismatch is too weak to name its cause, or withheld rows prove none.
     absorbed : tuple of Absorbed
         What the baseline had swallowed.
     decoys : Decoys or None
@@ -62,6 +66,11 @@ class Conclusion(Generic[F, P]):
     weak: bool = False
     absorbed: tuple[Absorbed, ...] = ()
     decoys: Decoys | None = None
+
+    @property
+    def unproved(self) -> bool:
+        """Whether the set is what may make it because withheld rows do not bear it out, though it explains the rest."""
+        return self.weak and self.naming is not None and not self.naming.weak
 
 
 def conclude(
@@ -85,20 +94,20 @@ def conclude(
 
     Notes
     -----
-    A set is named when it is good enough and predicts most of the mismatch of withheld rows; in the main, when it
-    leaves a small part that is more than noise, and every part of the rows names it as well. Rivals are the sets of
-    close evidence, and those that parts of the rows name instead. Where the mismatch is too weak to tell an effect of
-    another kind by what it leaves, or withheld rows do not show it, the candidates that explain it are reported as what
-    may be, and none is named.
+    A set is named when it is good enough and predicts most of the mismatch of withheld rows, which these must show; in
+    the main, when it leaves a small part that is more than noise, and every part of the rows names it as well. Rivals
+    are the sets of close evidence, and those that parts of the rows name instead. Where the mismatch is too weak to
+    tell an effect of another kind by what it leaves, the candidates that explain it are reported as what may be, and
+    none is named; so they are where they explain all, and withheld rows do not show the mismatch or show a part of it
+    predicted.
     """
     if naming.may_be_named and not naming.weak:
         held = prove(naming.best)
-        if held is not None and _proved(naming, held):
+        if held is not None and _proved(naming, held) and (_shown(naming, held) or not catalogue.tells_weak):
             naming = _with_parts(problem, catalogue, naming, held)
             verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
             return Conclusion(verdict=verdict, naming=naming, held_out=held)
-        may_be = naming.explained and catalogue.tells_weak
-        if held is not None and may_be and not held.tells and held.rmse_after <= NOT_WORSE * held.rmse_before:
+        if held is not None and naming.explained and catalogue.tells_weak and _may_be(naming, held):
             naming = _with_parts(problem, catalogue, naming, held)
             return Conclusion(verdict=Verdict.AMBIGUOUS, naming=naming, held_out=held, weak=True)
         if held is None and naming.explained:
@@ -120,6 +129,21 @@ def _proved(naming: Naming[F, P], held: HeldOut) -> bool:
         return True
     unseen = naming.remainder.p_value >= ORDINARY and held.left <= UNPREDICTED
     return naming.in_the_main and held.kept == 1.0 and (held.predicts or unseen)
+
+
+def _shown(naming: Naming[F, P], held: HeldOut) -> bool:
+    """Whether withheld rows show the mismatch, or at least that what is named takes a part of it away."""
+    return held.tells or held.fall >= SHOWN * naming.best.gain
+
+
+def _may_be(naming: Naming[F, P], held: HeldOut) -> bool:
+    """Whether withheld rows leave open what they do not bear out: they do not show it, or it predicts a part for sure.
+
+    A part counts where nothing else is seen in what the set leaves.
+    """
+    if not held.tells:
+        return held.rmse_after <= NOT_WORSE * held.rmse_before
+    return naming.remainder.p_value >= ORDINARY and held.gain_interval[0] > 0.0
 
 
 def in_the_main_sentence(naming: Naming[Any, Any] | None, held: HeldOut | None) -> str:

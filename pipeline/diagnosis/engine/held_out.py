@@ -98,6 +98,11 @@ class HeldOut:
         assert self.expected_before is not None
         return before > self._chance(self.expected_before)
 
+    @property
+    def fall(self) -> float:
+        """Fall of the sum of squares by what was named, in noise variances of the rows."""
+        return self.count * (self.rmse_before**2 - self.rmse_after**2) / self.noise_floor**2
+
     def _chance(self, expected: float) -> float:
         """`BY_CHANCE` standard errors of the mean square of noise."""
         return BY_CHANCE * expected**2 * math.sqrt(2.0 * self.for_one / self.count)

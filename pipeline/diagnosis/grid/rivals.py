@@ -25,6 +25,10 @@ MAY_BE, AT_ALL = 2, 0.2
 """Causes that stand beside none of the catalogue where a difference is weak, and the part of it that each must explain:
 of trials, a third cause, or one that explains less, was the true one as rarely as any."""
 
+TOO_WEAK = "too weak to name one cause", "The difference is too weak to name one cause"
+NOT_PROVED = "possible cause, not proved", "Data that took no part in the fit prove no cause"
+"""Why there is a set of what may be: in a few words, and as a sentence."""
+
 NONE_KNOWN = {
     "ids": [str(Verdict.NOT_IN_LIBRARY)],
     "shafts": [],
@@ -98,6 +102,11 @@ def _rival(diagnosis: Diagnosis, place: int) -> dict[str, Any]:
     return rival_row((*fits, *rival.explanation.fits), why_open(diagnosis, place), test)
 
 
+def why_weak(conclusion: Conclusion[Any, Any]) -> tuple[str, str]:
+    """Why what is told is no more than what may be."""
+    return NOT_PROVED if conclusion.unproved else TOO_WEAK
+
+
 def why_open(conclusion: Conclusion[Any, Any], place: int) -> str:
     """Why a rival, the one in a place among them, is not excluded."""
     naming = conclusion.naming
@@ -109,7 +118,8 @@ def why_open(conclusion: Conclusion[Any, Any], place: int) -> str:
     if rival.ids < naming.best.ids:
         return "by itself, with another form of its law, it explains about as much as both"
     if conclusion.weak:
-        return "the difference is too weak to name its cause"
+        words = why_weak(conclusion)[1]
+        return f"{words[0].lower()}{words[1:]}"
     if closer > MARGIN and naming.evidence_scale < 1.0:
         return "the first fits better, but by less than an error in the form of its law is worth"
     if closer > MARGIN:

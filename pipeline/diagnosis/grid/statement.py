@@ -10,7 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.law_words import form_sentences
 from pmg.pipeline.diagnosis.grid.remedy import advice, lifting, words_of_test
-from pmg.pipeline.diagnosis.grid.rivals import is_faint, near_causes, nearest_share, why_not_named
+from pmg.pipeline.diagnosis.grid.rivals import is_faint, near_causes, nearest_share, why_not_named, why_weak
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.plurals import capitalised, counted
@@ -43,7 +43,7 @@ PHRASES = {
 
 def phrase(diagnosis: Diagnosis) -> str:
     """The verdict in a few words: the same in the report, in ``diagnosis.json`` and on the terminal."""
-    return "too weak to name one cause" if diagnosis.weak or is_faint(diagnosis) else PHRASES[diagnosis.verdict]
+    return why_weak(diagnosis)[0] if diagnosis.weak or is_faint(diagnosis) else PHRASES[diagnosis.verdict]
 
 
 def statement(diagnosis: Diagnosis) -> str:
@@ -88,7 +88,7 @@ def _without_outliers(diagnosis: Diagnosis) -> str:
         known = "; or ".join(sets)
         if diagnosis.weak:
             none = "or one that the catalogue does not have"
-            sentences.append(f"The difference is too weak to name one cause. Possible causes: {known}; {none}.")
+            sentences.append(f"{why_weak(diagnosis)[1]}. Possible causes: {known}; {none}.")
         else:
             sentences.append(f"These recordings cannot tell between: {known}.")
         sentences += [_size(diagnosis, fit) for fit in diagnosis.naming.best.fits]

@@ -10,7 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.law_words import bent_sentence
-from pmg.pipeline.diagnosis.grid.rivals import nearest_share, why_not_named
+from pmg.pipeline.diagnosis.grid.rivals import nearest_share, why_not_named, why_weak
 from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES, SHAFT_WORDS
 from pmg.pipeline.diagnosis.motion.design.remedy import advice
 from pmg.pipeline.diagnosis.motion.evidence import OFF_SHEET
@@ -37,7 +37,7 @@ OF_TURN = {
 
 def phrase(diagnosis: MotionDiagnosis) -> str:
     """The verdict in a few words: the same in the report, in ``diagnosis.json`` and on the terminal."""
-    return "too weak to name one cause" if diagnosis.weak else PHRASES[diagnosis.verdict]
+    return why_weak(diagnosis)[0] if diagnosis.weak else PHRASES[diagnosis.verdict]
 
 
 def statement(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> str:
@@ -61,7 +61,7 @@ def statement(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
         sentences.append(f"Cause: {causes(naming.best, naming.shafts)}.")
     else:
         known = "; or ".join(causes(each) for each in (naming.best, *naming.rivals))
-        weak = "The difference is too weak to name one cause. Possible causes"
+        weak = f"{why_weak(diagnosis)[1]}. Possible causes"
         none = "; or one that the catalogue does not have" if diagnosis.weak else ""
         sentences.append(f"{weak if diagnosis.weak else 'These recordings cannot tell between'}: {known}{none}.")
     if diagnosis.verdict is Verdict.CONFOUNDED:

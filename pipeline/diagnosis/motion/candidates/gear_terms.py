@@ -17,7 +17,7 @@ from pmg.sim.mechanisms.base import Component, LawCovariate
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.view import RotorView
@@ -37,21 +37,27 @@ north and south poles that are alike make none."""
 
 def hysteresis_terms() -> Iterator[MotionTerm]:
     """Hysteresis of the magnetic spring."""
-    yield term(
-        "gear_hysteresis",
-        "Hysteresis of the gear: a drag on the pole angle that does not depend on its rate",
-        "p h z(phi)",
-        amount("drag", "N m", 0.1),
-        lambda v, over: stack(v.pairs * v.of_poles(over, lagging)),
-        engaged_only=True,
-        shape=Quantity("angle", "rad", (STEADY_ANGLE, 0.2)),
-        source=sources.DAHL,
-        mixes=True,
-        of_pole_angle=True,
-        follows=(LawCovariate.LOAD,),
-        component=Component.MAGNETIC_GEAR,
-        shaft="both",
-    )
+    for gives, variant in ((lagging, ""), (stopping, "one stop")):
+
+        def law(view: RotorView, over: float, gives: Callable[[Array, float], Array] = gives) -> Array:
+            return stack(view.pairs * view.of_poles(over, gives))
+
+        yield term(
+            "gear_hysteresis",
+            "Hysteresis of the gear: a drag on the pole angle that does not depend on its rate",
+            "p h z(phi)",
+            amount("drag", "N m", 0.1),
+            law,
+            engaged_only=True,
+            shape=Quantity("angle", "rad", (STEADY_ANGLE, 0.2)),
+            source=sources.DAHL,
+            variant=variant,
+            mixes=True,
+            of_pole_angle=True,
+            follows=(LawCovariate.LOAD,),
+            component=Component.MAGNETIC_GEAR,
+            shaft="both",
+        )
 
     yield term(
         "gear_hysteresis",

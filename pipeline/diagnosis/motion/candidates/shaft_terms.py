@@ -17,7 +17,7 @@ from pmg.pipeline.diagnosis.motion.constants import (
     ripple_names,
 )
 from pmg.pipeline.diagnosis.motion.stance import eccentric
-from pmg.pipeline.diagnosis.motion.view import lagging
+from pmg.pipeline.diagnosis.motion.view import lagging, stopping
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
 
@@ -104,19 +104,25 @@ def bearing_terms(side: str) -> Iterator[MotionTerm]:
 def reversal_terms(side: str) -> Iterator[MotionTerm]:
     """Friction that depends on the sense of rotation, and on the last reversal."""
     bearings = Component(f"{side}_bearings")
-    yield term(
-        "presliding_friction",
-        "Friction that rises over an angle after a reversal",
-        "M (z(theta) - sign(w))",
-        amount("friction", "N m", 1.0),
-        lambda v, over: stack(lagging(v.slow_angle, over) - v.direction),
-        source=sources.DAHL,
-        shape=Quantity("angle", "rad", (3e-3, 3.0)),
-        mixes=True,
-        follows=(LawCovariate.SPEED,),
-        component=bearings,
-        shaft=side,
-    )
+    for gives, variant in ((lagging, ""), (stopping, "one stop")):
+
+        def law(view: RotorView, over: float, gives: Callable[[Array, float], Array] = gives) -> Array:
+            return stack(gives(view.slow_angle, over) - view.direction)
+
+        yield term(
+            "presliding_friction",
+            "Friction that rises over an angle after a reversal",
+            "M (z(theta) - sign(w))",
+            amount("friction", "N m", 1.0),
+            law,
+            source=sources.DAHL,
+            shape=Quantity("angle", "rad", (3e-3, 3.0)),
+            variant=variant,
+            mixes=True,
+            follows=(LawCovariate.SPEED,),
+            component=bearings,
+            shaft=side,
+        )
 
     yield term(
         "direction_dependent_friction",
