@@ -62,21 +62,21 @@ def name_causes(
     -----
     The constants alone take up a part of a large cause, and rows that are straight about those constants show the rest
     as something else: a long delay as a lag, because a skew took up the first of it. Beside what leads they are nearer.
-    Once they are, another leader must explain what the one before explains. Before, a lag and a delay together come
-    nearer to a long one than either.
+    Once they are, another leader must leave less than the one before. Before, a lag and a delay together come nearer to
+    a long one than either.
     """
     steps.begin(SEARCH_STEPS[0])
     meant = without_opposed(found)
-    naming = _searched(meant, MotionCatalogue(one_late=False))
+    naming, about = _searched(meant, MotionCatalogue(one_late=False)), before
     for turn in range(STRAIGHTENED if naming.best.fits else 0):
         if not turn:
             steps.begin(SEARCH_STEPS[1])
-        about, _ = fit_beside(before, noise, naming.best.fits)
+        about, _ = fit_beside(about, noise, naming.best.fits)
         again = motion_evidence(about, noise, library(), rng)
         meant_again = without_opposed(again)
         anew = _searched(meant_again, MotionCatalogue())
         changed = _elsewhere(naming.best.fits, anew.best.fits)
-        if turn and changed and naming.explained and not anew.explained:
+        if turn and changed and anew.best.unexplained > naming.best.unexplained:
             break
         found, meant, naming = again, meant_again, anew
         if not naming.best.fits or not changed:
