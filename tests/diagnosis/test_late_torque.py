@@ -119,7 +119,9 @@ def test_the_short_lag_is_undone_by_its_own_law(frequency: float, lag: float) ->
     shown = 1.0 / (1.0 + 0.5 * lag * rate) ** 2
     time = np.arange(0.0, 1.0, 1e-3)
     torque, slope, curvature = ((shown * rate**k * np.exp(rate * time)).imag for k in range(3))
-    view = SimpleNamespace(shaft=SimpleNamespace(torque=torque, torque_rate=slope, torque_curvature=curvature))
+    view = SimpleNamespace(
+        skew=0.0, shaft=SimpleNamespace(torque=torque, torque_rate=slope, torque_curvature=curvature)
+    )
     term = TERMS["transducer_bandwidth/sun/second order, short"]
     beyond = term.columns(cast("RotorView", view), lag)[:, 0]
     np.testing.assert_allclose(torque - beyond, np.exp(rate * time).imag, atol=1e-9)

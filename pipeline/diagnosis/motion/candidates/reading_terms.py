@@ -89,61 +89,39 @@ def _lagging(view: RotorView, lag: float, order: int) -> Array:
 
 
 def scale_terms(side: str) -> Iterator[MotionTerm]:
-    """What a transducer shows in proportion to a torque, its own or the other's."""
-    transducer = Component(f"{side}_torque_transducer")
-    yield term(
-        "torque_gain_error",
-        "Gain of the transducer",
-        "g T",
-        signed("gain", unit="1", most=0.2),
-        lambda v, _: stack(v.shaft.torque),
-        hears=lambda rate, _: (1.0, 0.0),
-        source=sources.GUM,
-        follows=(LawCovariate.LOAD,),
-        component=transducer,
-        shaft=side,
-    )
+    """What a transducer shows in proportion to a torque, its own or the other's, and where that proportion changes."""
+    for identifier, size, title, whose, heard in (
+        ("torque_gain_error", "gain", "Gain of the transducer", "", (1.0, 0.0)),
+        ("torque_crosstalk", "crosstalk", "Crosstalk from the other transducer", ", T of the other", (0.0, 1.0)),
+    ):
 
-    yield term(
-        "torque_gain_error",
-        "Gain of the transducer that changes with the torque",
-        "g1 T + g2 T |T| + g3 T2",
-        (*signed("gain", unit="1", most=0.2), *signed("curved", "sided", unit="1/(N m)", most=0.1)),
-        lambda v, _: _bent(v.shaft.torque),
-        hears=lambda rate, _: (1.0, 0.0),
-        source=sources.GUM,
-        follows=(LawCovariate.LOAD,),
-        component=transducer,
-        shaft=side,
-        variant="curved",
-    )
+        def torque(view: RotorView, own: bool = not whose) -> Array:
+            return view.shaft.torque if own else view.other.torque
 
-    yield term(
-        "torque_crosstalk",
-        "Crosstalk from the other transducer",
-        "c T_other",
-        signed("crosstalk", unit="1", most=0.2),
-        lambda v, _: stack(v.other.torque),
-        hears=lambda rate, _: (0.0, 1.0),
-        source=sources.GUM,
-        follows=(LawCovariate.LOAD,),
-        component=transducer,
-        shaft=side,
-    )
-
-    yield term(
-        "torque_crosstalk",
-        "Crosstalk from the other transducer that changes with its torque",
-        "c1 T + c2 T |T| + c3 T2, T of the other",
-        (*signed("crosstalk", unit="1", most=0.2), *signed("curved", "sided", unit="1/(N m)", most=0.1)),
-        lambda v, _: _bent(v.other.torque),
-        hears=lambda rate, _: (0.0, 1.0),
-        source=sources.GUM,
-        follows=(LawCovariate.LOAD,),
-        component=transducer,
-        shaft=side,
-        variant="curved",
-    )
+        straight, bends = signed(size, unit="1", most=0.2), signed("curved", "sided", unit="1/(N m)", most=0.1)
+        for sizes, law, equation, changes, variant in (
+            (straight, lambda v, _, of=torque: stack(of(v)), "k T", "", ""),
+            (
+                (*straight, *bends),
+                lambda v, _, of=torque: _bent(of(v)),
+                "k1 T + k2 T |T| + k3 T2",
+                " that changes with the torque",
+                "curved",
+            ),
+        ):
+            yield term(
+                identifier,
+                title + changes,
+                equation + whose,
+                sizes,
+                law,
+                hears=lambda rate, _, heard=heard: heard,
+                source=sources.GUM,
+                follows=(LawCovariate.LOAD,),
+                component=Component(f"{side}_torque_transducer"),
+                shaft=side,
+                variant=variant,
+            )
 
 
 def lag_terms(side: str) -> Iterator[MotionTerm]:
@@ -167,7 +145,7 @@ def lag_terms(side: str) -> Iterator[MotionTerm]:
         "Second-order lag of the transducer, short",
         "-tau dT/dt - tau2/4 d2T/dt2",
         WHOLE,
-        lambda v, lag: stack(-lag * v.shaft.torque_rate - 0.25 * lag**2 * v.shaft.torque_curvature),
+        lambda v, lag: stack(-lag * v.shaft.torque_rate - lag * (v.skew + 0.25 * lag) * v.shaft.torque_curvature),
         hears=lambda rate, lag: (-rate * lag - 0.25 * (rate * lag) ** 2, 0.0),
         mimicked_by=(f"skew_{side}",),
         source=sources.BALANCE,
