@@ -82,6 +82,8 @@ def test_a_size_that_depends_on_the_law_is_known_no_better_than_that() -> None:
     assert error_of_law(problem, named, 0) == 0.0
     fewer = {key: table for key, table in problem.tables.items() if table.term is not terms["two"]}
     assert error_of_law(replace(problem, tables=fewer), named, 1) == 0.0
+    special = {**terms, "two": replace(terms["two"], within="one")}
+    assert error_of_law(_problem(columns, special, problem.left), named, 1) == 0.0
 
 
 def test_a_size_of_either_sign_or_on_each_shaft_is_no_sum() -> None:

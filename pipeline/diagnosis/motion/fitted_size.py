@@ -146,7 +146,8 @@ def error_of_law(problem: TermProblem, fits: tuple[TermFit, ...], place: int) ->
     Notes
     -----
     A drag that rises over an angle in one way or in another has another size where it never rises to the end. What the
-    runs exclude by far, with less than `LIKELY_LAW` of the gain (`LIKELY_WHEN_LATE`), does not count.
+    runs exclude by far, with less than `LIKELY_LAW` of the gain (`LIKELY_WHEN_LATE`), does not count, and neither does
+    a special case of the law that is named, which that would have become.
     """
     fit = fits[place]
     if (size := _one_size(fit)) is None:
@@ -156,9 +157,9 @@ def error_of_law(problem: TermProblem, fits: tuple[TermFit, ...], place: int) ->
     for other in (*fits[:place], *fits[place + 1 :]):
         problem = problem.take_out(other)
     sizes = [size]
-    for term in [table.term for table in problem.tables.values()]:
+    for term in [cast("MotionTerm", table.term) for table in problem.tables.values()]:
         same = term.identifier == fit.identifier and term.place == fit.place and term.key != fit.candidate.key
-        if same and _unit_of_size(term) == unit:
+        if same and not (term.within and term.within == fit.candidate.variant) and _unit_of_size(term) == unit:
             other = fit_term(problem, term)
             if (size := _one_size(other)) is not None and other.gain > likely:
                 sizes.append(size)

@@ -37,7 +37,8 @@ north and south poles that are alike make none."""
 
 def hysteresis_terms() -> Iterator[MotionTerm]:
     """Hysteresis of the magnetic spring."""
-    for gives, variant in ((lagging, ""), (stopping, "one stop")):
+    several = "several stops"
+    for gives, variant, within in ((lagging, "", ""), (stopping, "one stop", several)):
 
         def law(view: RotorView, over: float, gives: Callable[[Array, float], Array] = gives) -> Array:
             return stack(view.pairs * view.of_poles(over, gives))
@@ -52,6 +53,7 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
             shape=Quantity("angle", "rad", (STEADY_ANGLE, 0.2)),
             source=sources.DAHL,
             variant=variant,
+            within=within,
             mixes=True,
             of_pole_angle=True,
             follows=(LawCovariate.LOAD,),
@@ -68,7 +70,7 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
         engaged_only=True,
         shape=Quantity("angle", "rad", (STEADY_ANGLE / STOPS[-1], 0.1)),
         source=sources.DAHL,
-        variant="several stops",
+        variant=several,
         of_parts=True,
         mixes=True,
         of_pole_angle=True,

@@ -46,6 +46,8 @@ class MotionTerm(Term[RotorView]):
     between : bool
         Whether its law lies between the usual one of its mechanism and that of another, so that it is a rival of the
         other where the usual one is, too.
+    within : str
+        Variant of the same mechanism of which it is a special case; empty of none.
     mixes : bool
         Whether its law may be one of several shapes at once, as of bristles of several lengths.
     of_pole_angle : bool
@@ -65,6 +67,7 @@ class MotionTerm(Term[RotorView]):
     follows: tuple[LawCovariate, ...] = ()
     holds: tuple[str, ...] = ()
     between: bool = False
+    within: str = ""
     mixes: bool = False
     of_pole_angle: bool = False
     engaged_only: bool = False
