@@ -296,10 +296,12 @@ def test_friction_that_rises_after_a_reversal_is_named() -> None:
         speed = np.gradient(lfilter(np.ones(9) / 9.0, [1.0], rotor)) * RATE
         campaign.append(_with_torque(run, run.turns.sun * 0.02 * (_slipping(rotor, 0.02) - np.tanh(speed / 0.3))))
     found = diagnose_motion("rising", tuple(campaign), load_bench(), np.random.default_rng(0))
+    assert found.verdict is Verdict.NAMED
     assert found.naming is not None
-    assert "presliding_friction" in {
-        fit.identifier for e in (found.naming.best, *found.naming.rivals) for fit in e.fits
-    }
+    (fit,) = found.naming.best.fits
+    assert fit.candidate.key == "presliding_friction/sun/one stop"
+    assert fit.amplitudes == pytest.approx([0.02], rel=0.1)
+    assert fit.shape == pytest.approx(0.02, rel=0.1)
     assert found.mismatch.locations[0].family.follows == "travel since reversal"
 
 
