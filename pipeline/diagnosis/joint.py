@@ -218,7 +218,7 @@ def joint_document(joint: JointDiagnosis, steady: Mapping[str, Any], moving: Map
         for causes in joint.sets[1:]
     ]
     if joint.something_else:
-        rivals.append(NONE_KNOWN | {"why": "a cause that the catalogue does not have is not excluded"})
+        rivals.append(NONE_KNOWN)
     return told | {
         "locations": [*steady["locations"], *moving["locations"]],
         "mechanisms": mechanisms,

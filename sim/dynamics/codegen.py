@@ -27,14 +27,14 @@ import numpy as np
 from numba import cfunc, njit, types
 
 CACHE = {cache}
-ONE, ROW = types.float64, types.Array(types.float64, 1, "C")
+NONE, ONE, ROW = types.void, types.float64, types.Array(types.float64, 1, "C")
 '''
-_ENTRY = '@njit(cache=CACHE, nogil=True, error_model="numpy")\n'
+_WHOLE = '@njit(cache=CACHE, nogil=True, error_model="numpy")\n'
 _PART = '@njit(cache=CACHE, nogil=True, error_model="numpy", forceinline=True)\n'
 """Parts of the integrator that it calls at each step: put in place, so that a step costs no more than one function."""
 
 
-def _decorator(given: str, makes: str = "types.void") -> str:
+def _decorator(given: str, makes: str) -> str:
     """What compiles a function of the equations, which the integrator calls by its address."""
     return f'@cfunc({makes}({given}), cache=CACHE, error_model="numpy")\n'
 
@@ -63,7 +63,13 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]  # untyped library
 _PRINTER = _Printer({"fully_qualified_modules": True})
 
 
-def _function(name: str, arguments: str, targets: Sequence[tuple[str, sympy.Expr]], inputs: Iterable[str]) -> str:
+def _function(
+    name: str,
+    arguments: str,
+    targets: Sequence[tuple[str, sympy.Expr]],
+    inputs: Iterable[str],
+    makes: str = "NONE",
+) -> str:
     """A function that puts formulas into an array, common parts computed once."""
     common, whole = sympy.cse([expr for _, expr in targets], symbols=sympy.numbered_symbols("x"), order="none")
     used = {str(symbol) for expr in (*whole, *(part for _, part in common)) for symbol in expr.free_symbols}
@@ -72,7 +78,7 @@ def _function(name: str, arguments: str, targets: Sequence[tuple[str, sympy.Expr
     pairs = zip(targets, whole, strict=True)
     lines += [f"    {target} = {_PRINTER.doprint(expr)}" for (target, _), expr in pairs]
     rows = ", ".join("ROW" for _ in arguments.split(","))
-    return f"{_decorator(rows)}def {name}({arguments}):\n" + "\n".join(lines or ["    pass"]) + "\n\n\n"
+    return f"{_decorator(rows, makes)}def {name}({arguments}):\n" + "\n".join(lines or ["    pass"]) + "\n\n\n"
 
 
 def _elimination_order(pattern: set[tuple[int, int]], size: int) -> list[int]:
@@ -117,7 +123,7 @@ def _linear(pattern: Sequence[tuple[int, int]], size: int) -> tuple[str, int]:
         for entry in ((k, k), *((i, k) for i in below), *((k, j) for j in right)):
             slots[entry] = len(slots)
     lines += [f"    lu[{slot}] = m_{i}_{j}" for (i, j), slot in slots.items()]
-    text = f"{_decorator('ROW, ONE, ROW')}def factor(j, d, lu):\n" + "\n".join(lines) + "\n\n\n"
+    text = f"{_decorator('ROW, ONE, ROW', 'NONE')}def factor(j, d, lu):\n" + "\n".join(lines) + "\n\n\n"
     ahead = [f"    b{k} = b[{k}]" for k in order]
     for k in order:
         ahead += [f"    b{i} -= lu[{slots[i, k]}] * b{k}" for i in lower[k]]
@@ -125,7 +131,7 @@ def _linear(pattern: Sequence[tuple[int, int]], size: int) -> tuple[str, int]:
         minus = "".join(f" - lu[{slots[k, j]}] * b{j}" for j in upper[k])
         ahead.append(f"    b{k} = (b{k}{minus}) * lu[{slots[k, k]}]")
     ahead += [f"    b[{k}] = b{k}" for k in range(size)]
-    return text + f"{_decorator('ROW, ROW')}def solve(lu, b):\n" + "\n".join(ahead) + "\n\n\n", len(slots)
+    return text + f"{_decorator('ROW, ROW', 'NONE')}def solve(lu, b):\n" + "\n".join(ahead) + "\n\n\n", len(slots)
 
 
 def _jacobian_formulas(given: Formulas) -> dict[tuple[int, int], sympy.Expr]:
@@ -142,10 +148,10 @@ def _jacobian_formulas(given: Formulas) -> dict[tuple[int, int], sympy.Expr]:
 
 def integrator_text(cache: bool) -> str:
     """The module of the integrator; with `cache`, the compiled code is to be kept next to it."""
-    kept = [_ENTRY + inspect.getsource(each) for each in (segments.follow, equations.evaluate, equations.take_apart)]
+    kept = [_WHOLE + inspect.getsource(each) for each in (segments.follow, equations.evaluate, equations.solve_stage)]
     for node in ast.parse(inspect.getsource(rodas)).body:
         if isinstance(node, ast.FunctionDef):
-            kept.append((_PART if node.name.startswith("_") else _ENTRY) + ast.unparse(node))
+            kept.append((_PART if node.name.startswith("_") else _WHOLE) + ast.unparse(node))
         elif isinstance(node, ast.Assign) or getattr(node, "module", "") in (run_values.__name__, state.__name__):
             kept.append(ast.unparse(node))
     head = HEAD.format(what="the integrator of the bench", cache=cache)
@@ -179,7 +185,7 @@ def solver_text(given: Formulas, cache: bool) -> str:
     rates_of_set = [(f"out[{n}]", expr) for n, expr in enumerate(drift)]
     indexed = [(f"out[{n}]", expr) for n, expr in enumerate(given.rates)]
     powers = [(f"out[{n}]", e) for n, e in enumerate(given.sums)]
-    slip = _function("slip_rate", "y, p", [("rate", phase)], (*y, *p)).rstrip() + "\n    return rate\n"
+    slip = _function("slip_rate", "y, p", [("rate", phase)], (*y, *p), "ONE").rstrip() + "\n    return rate\n"
     return "".join(
         (
             HEAD.format(what="the equations of one structure of the bench", cache=cache),
@@ -189,6 +195,6 @@ def solver_text(given: Formulas, cache: bool) -> str:
             _function("drift", "y, a, v, p, out", rates_of_set, (*map(str, v), *inputs)),
             linear,
             _function("sums", "y, p, out", powers, (*y, *p)),
-            slip.replace("types.void", "ONE"),
+            slip,
         )
     )

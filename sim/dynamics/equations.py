@@ -38,7 +38,7 @@ def evaluate(of: Equations, y: Array, a: Array, p: Array, out: Array, j: Array, 
     of.sums(y, p, energy)
 
 
-def take_apart(of: Equations, j: Array, d: float, lu: Array, x: Array) -> None:
-    """Solution of (d I - J) x = b, in place."""
+def solve_stage(of: Equations, j: Array, d: float, lu: Array, x: Array) -> None:
+    """Solution of (d I - J) x = b, in place, with the factors of d I - J into `lu`."""
     of.factor(j, d, lu)
     of.solve(lu, x)

@@ -57,6 +57,8 @@ class Kernel:
     ----------
     module : module
         The generated functions; drivetrains of equal structure share it.
+    integrator : module
+        What integrates them; all drivetrains share it.
     parameters : (k,) array
         The numbers of this drivetrain.
     well : Well
@@ -64,6 +66,7 @@ class Kernel:
     """
 
     module: ModuleType
+    integrator: ModuleType
     parameters: Array
     well: Well
 
@@ -89,7 +92,10 @@ class Kernel:
     def _evaluated(self, state: Array, asked: Array) -> tuple[Array, Array, Array]:
         """Rates, elements of the Jacobian and powers at a state."""
         found = np.empty(state.size), np.empty(self.module.ENTRIES), np.empty(self.number_of_sums)
-        _integrator().evaluate(self.equations, state, asked, self.parameters, *found)
+        at = (
+            np.array(each, dtype=np.float64) for each in (state, asked)
+        )  # rows of their own, as compiled code expects
+        self.integrator.evaluate(self.equations, *at, self.parameters, *found)
         return found
 
     @property
@@ -99,9 +105,9 @@ class Kernel:
 
     def solution(self, state: Array, d: float, right: Array, asked: Array = NOTHING_ASKED) -> Array:
         """Solution x of (d I - J) x = b at a state."""
-        x = right.copy()
+        x = np.array(right, dtype=np.float64)
         entries = self._evaluated(state, asked)[1]
-        _integrator().take_apart(self.equations, entries, d, np.empty(self.module.FACTORS), x)
+        self.integrator.solve_stage(self.equations, entries, d, np.empty(self.module.FACTORS), x)
         return x
 
     def run(self, start: Array, legs: Legs, instants: Array, settings: Settings, *, energy: bool = True) -> SolverRun:
@@ -115,7 +121,7 @@ class Kernel:
             np.empty(self.module.FACTORS),
         )
         given = self.equations, last, self.parameters, legs, instants, self.well, settings, room
-        ended = _integrator().integrate(*given)
+        ended = self.integrator.integrate(*given)
         return SolverRun(
             ended.code,
             ended.steps,
@@ -176,4 +182,4 @@ def kernel_of(drivetrain: Drivetrain) -> Kernel:
     parameters, structure = survey(drivetrain)
     module = _module(_Blueprint(drivetrain, structure))
     phase = -1 if drivetrain.coupling is None else STATES.index("phase")
-    return Kernel(module, np.array(parameters), Well(phase, drivetrain.centre))
+    return Kernel(module, _integrator(), np.array(parameters), Well(phase, drivetrain.centre))

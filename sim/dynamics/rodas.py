@@ -237,8 +237,8 @@ def integrate(
 ) -> Ended:
     """Run from time 0 through all legs.
 
-    The start state `y` (20,) is the last one afterwards; `p` are the parameters of the drivetrain `of` which these are
-    the equations, `instants` (m,) the times to report [s]; `room` is filled.
+    `of` are the equations of a drivetrain, `p` its parameters. The start state `y` (20,) is the last one afterwards;
+    `instants` (m,) are the times to report [s]; `room` is filled.
     """
     k, q = np.empty((14, SIZE)), np.empty((3, room.energy.size))
     states, energy, slips, j, lu = room.states, room.energy, room.slips, room.entries, room.factors

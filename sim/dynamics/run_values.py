@@ -37,8 +37,8 @@ class Room(NamedTuple):
     """Arrays that a run fills.
 
     `states` (m, 20) at the wanted instants; `energy` (k,), zeros to which the sums over time of the powers are
-    added, empty when not wanted; `slips` (q,), the times of slipped poles; `entries` and `factors` of the Jacobian at
-    the last step.
+    added, empty when not wanted; `slips` (q,), the times of slipped poles; `entries` of the Jacobian J at
+    the last step and `factors` of d I - J.
     """
 
     states: Array

@@ -102,14 +102,12 @@ def test_where_withheld_rows_do_not_show_the_mismatch_what_explains_it_is_what_m
 @pytest.mark.parametrize(("fall", "sure"), [(1.0, False), (24.0, False), (26.0, True), (90.0, True)])
 def test_a_cause_is_named_where_withheld_rows_show_a_quarter_of_what_the_fit_saw(fall: float, sure: bool) -> None:
     """The mismatch is lost in the noise of the withheld rows, the fall of their squares is not; the gain is 100."""
-    before = 1.01
-    after = float(np.sqrt(before**2 - fall / 4000))
-    held = replace(proof(after, 1.0), rmse_before=before)
-    assert held.fall == pytest.approx(fall)
+    held = replace(proof(1.0, 1.0), rmse_before=1.01, fall=fall)
     assert held.predicts
     assert not held.tells
-    found = conclude(NOTHING, MotionCatalogue(), named(UNSEEN, explained=True), lambda _: held)
-    assert (found.verdict, found.weak) == ((Verdict.NAMED, False) if sure else (Verdict.AMBIGUOUS, True))
+    for naming in (named(UNSEEN, explained=True, in_the_main=False), named(SEEN)):
+        found = conclude(NOTHING, MotionCatalogue(), naming, lambda _: held)
+        assert (found.verdict, found.weak) == ((Verdict.NAMED, False) if sure else (Verdict.AMBIGUOUS, True))
     alone = conclude(NOTHING, TermCatalogue(), named(UNSEEN, explained=True), lambda _: held)
     assert alone.verdict is Verdict.NAMED, "a machine's answer has no set of what may be"
 
@@ -131,8 +129,10 @@ def test_what_explains_all_and_predicts_a_part_for_sure_is_what_may_be(
     assert not held.predicts
     found = conclude(NOTHING, MotionCatalogue(), named(left, explained=explained, in_the_main=False), lambda _: held)
     assert (found.verdict, found.weak) == (verdict, verdict is Verdict.AMBIGUOUS)
+    assert found.naming is not None
     assert found.unproved is found.weak
     assert why_weak(found) == (NOT_PROVED if found.weak else TOO_WEAK)
+    assert why_weak(replace(found, naming=replace(found.naming, weak=(found.naming.best,)))) == TOO_WEAK
 
 
 def test_mechanisms_in_motion_share_what_may_be_left() -> None:

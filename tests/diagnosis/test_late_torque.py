@@ -21,6 +21,7 @@ from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermFit, TermProblem,
 from pmg.pipeline.diagnosis.balance.library.term import Term
 from pmg.pipeline.diagnosis.engine.adequacy import Remainder
 from pmg.pipeline.diagnosis.engine.problem import bounded_sizes
+from pmg.pipeline.diagnosis.motion import naming
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.candidates.reading_terms import _lagging
 from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, with_late_look_alikes, without_opposed
@@ -32,6 +33,7 @@ from pmg.pipeline.diagnosis.motion.fitted_size import fitted_size
 from pmg.pipeline.diagnosis.motion.naming import _elsewhere
 from pmg.pipeline.diagnosis.motion.noise import RowNoise
 from pmg.pipeline.diagnosis.motion.view import RotorView
+from pmg.pipeline.files.progress import Steps
 from pmg.pipeline.motion.banded import BandedFactor
 from pmg.pipeline.motion.smooth import FINE_RATE, smooth
 from pmg.pipeline.recording.run_records import Manoeuvre
@@ -88,8 +90,8 @@ def test_a_short_lag_is_a_rival_of_a_delay_where_the_plain_lag_is_one(plain: flo
     problem = TermProblem(np.zeros((6, 0)), rows, lambda t, _: tables[t.key].columns[:, 0], tables)
     best, short = (TermSet((fit := fit_term(problem, TERMS[key]),), problem.take_out(fit)) for key in list(angles)[:2])
     nothing_left = Remainder(1.0, 0.0, 0.0)
-    naming = TermNaming(best, (short,), {"channel_delay": "sun"}, nothing_left, True, True, (), ())
-    rivals = with_late_look_alikes(naming, problem).rivals
+    found = TermNaming(best, (short,), {"channel_delay": "sun"}, nothing_left, True, True, (), ())
+    rivals = with_late_look_alikes(found, problem).rivals
     assert [rival.ids for rival in rivals] == [{"transducer_bandwidth"}] * alike
 
 
@@ -112,6 +114,46 @@ def test_rows_are_made_straight_again_where_another_cause_or_another_time_leads(
     assert _elsewhere(fits(*before), fits(*after)) is moved
 
 
+@pytest.mark.parametrize(
+    ("led", "left", "told"),
+    [
+        ("aa", (9,), "a1"),
+        ("abb", (9, 5), "b2"),
+        ("aba", (9, 5), "b1"),  # given up with the second turn, as what leads then explains less
+        ("abab", (9, 5, 8), "b1"),
+        ("abca", (3, 5, 8), "a0"),
+    ],
+)
+def test_leaders_that_do_not_settle_are_held_against_each_other(
+    led: str, left: tuple[float, ...], told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Letters are mechanisms that lead one search after the other; the answer is one of these searches."""
+    keys = {"a": "channel_delay/sun/", "b": "torque_gain_error/sun/", "c": "torque_gain_error/ring/"}
+    searches = iter(
+        SimpleNamespace(
+            best=SimpleNamespace(fits=(TermFit(TERMS[keys[each]], 1.0, 1.0, np.zeros(1), (), np.ones(1), 0.01),)),
+            explained=led != "aba" or turn < 2,
+            name=f"{each}{turn}",
+        )
+        for turn, each in enumerate(led)
+    )
+    sums = iter(left)
+    about = SimpleNamespace(values=np.zeros(1), problem=None, evidence=None)
+    monkeypatch.setattr(naming, "STRAIGHTENED", len(left))
+    monkeypatch.setattr(naming, "replace", lambda before, **_: before)
+    monkeypatch.setattr(naming, "adequacy_test", lambda _: None)
+    monkeypatch.setattr(naming, "fit_beside", lambda *_: (about, None))
+    monkeypatch.setattr(naming, "motion_evidence", lambda *_: about)
+    monkeypatch.setattr(naming, "without_opposed", lambda found: found)
+    monkeypatch.setattr(naming, "_searched", lambda *_: next(searches))
+    monkeypatch.setattr(naming, "_left_by", lambda *_: next(sums))
+    for name in ("with_free_laws", "with_look_alikes", "with_late_look_alikes", "without_held", "with_small_rest"):
+        monkeypatch.setattr(naming, name, lambda found, *_: found)
+    steps, rng = Steps(None, *naming.SEARCH_STEPS), np.random.default_rng(0)
+    *_, found = naming.name_causes(cast("Any", about), cast("Any", about), [], rng, steps)
+    assert cast("Any", found).name == told
+
+
 @given(st.floats(2.0, 20.0), st.floats(2e-3, 8e-3))
 def test_the_short_lag_is_undone_by_its_own_law(frequency: float, lag: float) -> None:
     """Of a wave through two lags of half the time each, the law gives what it was, with the opposite sign missing."""
@@ -119,12 +161,17 @@ def test_the_short_lag_is_undone_by_its_own_law(frequency: float, lag: float) ->
     shown = 1.0 / (1.0 + 0.5 * lag * rate) ** 2
     time = np.arange(0.0, 1.0, 1e-3)
     torque, slope, curvature = ((shown * rate**k * np.exp(rate * time)).imag for k in range(3))
-    view = SimpleNamespace(
-        skew=0.0, shaft=SimpleNamespace(torque=torque, torque_rate=slope, torque_curvature=curvature)
-    )
     term = TERMS["transducer_bandwidth/sun/second order, short"]
-    beyond = term.columns(cast("RotorView", view), lag)[:, 0]
-    np.testing.assert_allclose(torque - beyond, np.exp(rate * time).imag, atol=1e-9)
+
+    def beyond(skew: float) -> Array:
+        view = SimpleNamespace(
+            skew=skew, shaft=SimpleNamespace(torque=torque, torque_rate=slope, torque_curvature=curvature)
+        )
+        return np.asarray(term.columns(cast("RotorView", view), lag)[:, 0])
+
+    np.testing.assert_allclose(torque - beyond(0.0), np.exp(rate * time).imag, atol=1e-9)
+    at_once = (rate * 1e-4 * -lag * rate * shown * np.exp(rate * time)).imag
+    np.testing.assert_allclose(beyond(1e-4) - beyond(0.0), at_once, atol=1e-9)
     assert term.hears is not None
     own, other = term.hears(np.array([rate]), lag)
     assert np.allclose(own, 1.0 - 1.0 / shown)

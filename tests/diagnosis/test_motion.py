@@ -285,22 +285,26 @@ def _slipping(angle: np.ndarray, span: float) -> np.ndarray:
     return np.array(found)
 
 
-def test_friction_that_rises_after_a_reversal_is_named() -> None:
-    """In slow swings through standstill: what is left out at once is there a hundredth of a radian later."""
-    rng, t = np.random.default_rng(25), np.arange(20000) / RATE
+@pytest.mark.parametrize(("seed", "size"), [(25, 0.02), (27, 0.007)])
+def test_friction_that_rises_after_a_reversal_is_named(seed: int, size: float) -> None:
+    """In slow swings through standstill: what is left out at once is there a hundredth of a radian later.
+
+    Other kinds of run do not show it; of the smaller one, the noise of withheld kinds hides that.
+    """
+    rng, t = np.random.default_rng(seed), np.arange(20000) / RATE
     swings = 4.0 * np.sin(2.0 * np.pi * t / 2.5)
     slow = [_run(6 + k, Manoeuvre.DITHER, swings * (1.0 + 0.3 * k), rng) for k in range(2)]
     campaign = []
-    for run in (*_campaign(25), *slow):
+    for run in (*_campaign(seed), *slow):
         rotor = run.angle.sun
         speed = np.gradient(lfilter(np.ones(9) / 9.0, [1.0], rotor)) * RATE
-        campaign.append(_with_torque(run, run.turns.sun * 0.02 * (_slipping(rotor, 0.02) - np.tanh(speed / 0.3))))
+        campaign.append(_with_torque(run, run.turns.sun * size * (_slipping(rotor, 0.02) - np.tanh(speed / 0.3))))
     found = diagnose_motion("rising", tuple(campaign), load_bench(), np.random.default_rng(0))
     assert found.verdict is Verdict.NAMED
     assert found.naming is not None
     (fit,) = found.naming.best.fits
     assert fit.candidate.key == "presliding_friction/sun/one stop"
-    assert fit.amplitudes == pytest.approx([0.02], rel=0.1)
+    assert fit.amplitudes == pytest.approx([size], rel=0.1)
     assert fit.shape == pytest.approx(0.02, rel=0.1)
     assert found.mismatch.locations[0].family.follows == "travel since reversal"
 

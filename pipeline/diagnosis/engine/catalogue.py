@@ -42,7 +42,7 @@ class CandidateCatalogue(ABC, Generic[F, P]):
     """Whether two may enter together where neither explains enough of the rest by itself."""
 
     tells_weak: ClassVar[bool] = True
-    """Whether the causes of a mismatch that is too weak to name one are reported as a set."""
+    """Whether causes of which none is named, as the mismatch is too weak or none is proved, are reported as a set."""
 
     form_error: ClassVar[float] = FORM_ERROR
     """Part of a candidate's gain that may be left over and pass for the error of its form."""

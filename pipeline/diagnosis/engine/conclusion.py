@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.verdict import Absorbed
 
 KNOWN = 0.7
-"""Part of weak differences whose cause was in the catalogue: of trials with gains from 80 to 160 noise variances."""
+"""Part of weak differences whose cause was in the catalogue: of trials with gains from 80 to 160 noise variances. It is
+taken where no cause is proved, too."""
 
 UNTRIED = "cannot be tried on data not used for the fit: there are too few"
 """Why a set that explains is not named where nothing could be withheld."""
@@ -31,10 +32,6 @@ UNTRIED = "cannot be tried on data not used for the fit: there are too few"
 UNPREDICTED = 0.25
 """Part of the mismatch of withheld rows that a cause in the main need not predict where no structure is seen in what it
 leaves: near standstill a few rows hold most of a friction, and there its form is least known."""
-
-SHOWN = 0.25
-"""Part of the fall of squares on the rows of the fit that withheld rows must show, where the mismatch is lost in their
-noise, for a cause to be borne out."""
 
 NOT_WORSE = 1.03
 """Withheld error with a weak candidate in, over that without, up to which it stays in the set of what may be."""
@@ -103,11 +100,12 @@ def conclude(
     """
     if naming.may_be_named and not naming.weak:
         held = prove(naming.best)
-        if held is not None and _proved(naming, held) and (_shown(naming, held) or not catalogue.tells_weak):
+        proved = held is not None and _proved(naming, held)
+        if held is not None and proved and (held.shows(naming.best.gain) or not catalogue.tells_weak):
             naming = _with_parts(problem, catalogue, naming, held)
             verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
             return Conclusion(verdict=verdict, naming=naming, held_out=held)
-        if held is not None and naming.explained and catalogue.tells_weak and _may_be(naming, held):
+        if held is not None and (naming.explained or proved) and catalogue.tells_weak and _may_be(naming, held):
             naming = _with_parts(problem, catalogue, naming, held)
             return Conclusion(verdict=Verdict.AMBIGUOUS, naming=naming, held_out=held, weak=True)
         if held is None and naming.explained:
@@ -129,11 +127,6 @@ def _proved(naming: Naming[F, P], held: HeldOut) -> bool:
         return True
     unseen = naming.remainder.p_value >= ORDINARY and held.left <= UNPREDICTED
     return naming.in_the_main and held.kept == 1.0 and (held.predicts or unseen)
-
-
-def _shown(naming: Naming[F, P], held: HeldOut) -> bool:
-    """Whether withheld rows show the mismatch, or at least that what is named takes a part of it away."""
-    return held.tells or held.fall >= SHOWN * naming.best.gain
 
 
 def _may_be(naming: Naming[F, P], held: HeldOut) -> bool:

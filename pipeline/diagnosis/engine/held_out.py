@@ -21,6 +21,10 @@ RESAMPLES = 2000
 WITHHELD_SHARE = 0.9
 """Part of the withheld mismatch, in squares beyond the noise, that a candidate must predict to be named."""
 
+SHOWN = 0.25
+"""Part of the fall of squares on the rows of the fit that withheld rows must show, where the mismatch is lost in their
+noise, for a cause to be borne out."""
+
 BY_CHANCE = 2.0
 """Standard errors of the noise by which what is left may exceed the share that a candidate must predict."""
 
@@ -51,6 +55,8 @@ class HeldOut:
         Part of the choices made without a part of the rows that agree with the choice on all of them.
     elsewhere : tuple of tuple of candidates
         Where too few agree: the sets that were chosen instead, most frequent first.
+    fall : float
+        Fall of the sum of squares of the rows that were looked at, each in its noise.
     """
 
     split: str
@@ -65,6 +71,7 @@ class HeldOut:
     for_one: float = 1.0
     kept: float = 1.0
     elsewhere: tuple[tuple[Any, ...], ...] = ()
+    fall: float = 0.0
 
     def document(self, unit: str) -> dict[str, Any]:
         """Split, errors before and after, noise and interval as JSON."""
@@ -98,10 +105,9 @@ class HeldOut:
         assert self.expected_before is not None
         return before > self._chance(self.expected_before)
 
-    @property
-    def fall(self) -> float:
-        """Fall of the sum of squares by what was named, in noise variances of the rows."""
-        return self.count * (self.rmse_before**2 - self.rmse_after**2) / self.noise_floor**2
+    def shows(self, gain: float) -> bool:
+        """Whether withheld rows show the mismatch, or at least a part of the gain on the rows of the fit."""
+        return self.tells or self.fall >= SHOWN * gain
 
     def _chance(self, expected: float) -> float:
         """`BY_CHANCE` standard errors of the mean square of noise."""
@@ -133,7 +139,8 @@ def compared(
     squares = errors[0] ** 2, errors[1] ** 2
     before, after, floor = (math.sqrt(float(of_rows[touched].mean())) for of_rows in (*squares, noise**2))
     gain = gain_interval(*squares, touched_blocks(block, touched), rng)
-    return HeldOut(split, before, after, floor, gain, count=int(touched.sum()))
+    fall = float(np.sum((squares[0] - squares[1])[touched] / noise[touched] ** 2))
+    return HeldOut(split, before, after, floor, gain, count=int(touched.sum()), fall=fall)
 
 
 def touched_blocks(block: npt.NDArray[np.int64], touched: Mask) -> list[npt.NDArray[np.intp]]:

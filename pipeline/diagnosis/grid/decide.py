@@ -76,9 +76,9 @@ def diagnose(
     no more than an error of form, predicts most of the mismatch of withheld readings, and is what most parts of the
     readings name by themselves. Rivals within the margin are reported as one set with the test that would tell; so
     are sets that the parts name instead, and the causes of a mismatch that is too weak to tell an effect of another
-    kind by what it leaves. Where the order of the test hides slow changes, only what no slow change could have made is
-    claimed. `known` gives columns (m, k) that the baseline may follow besides its constants: slopes of what is already
-    known to be there.
+    kind by what it leaves, or of which withheld readings prove none. Where the order of the test hides slow changes,
+    only what no slow change could have made is claimed. `known` gives columns (m, k) that the baseline may follow
+    besides its constants: slopes of what is already known to be there.
     """
     mismatch, outliers, floor = without_outliers(grid, fits, floor, bench, rng, known)
     readings = mismatch.readings

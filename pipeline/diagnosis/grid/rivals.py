@@ -26,16 +26,17 @@ MAY_BE, AT_ALL = 2, 0.2
 of trials, a third cause, or one that explains less, was the true one as rarely as any."""
 
 TOO_WEAK = "too weak to name one cause", "The difference is too weak to name one cause"
-NOT_PROVED = "possible cause, not proved", "Data that took no part in the fit prove no cause"
+NOT_PROVED = "no cause proved", "Data that took no part in the fit prove no cause"
 """Why there is a set of what may be: in a few words, and as a sentence."""
 
 NONE_KNOWN = {
     "ids": [str(Verdict.NOT_IN_LIBRARY)],
     "shafts": [],
-    "why": "the difference is too weak to exclude a cause that the catalogue does not have",
+    "why": "a cause that the catalogue does not have is not excluded",
     "separating_test": "",
 }
-"""What stands beside the causes of a mismatch that is too weak to tell an effect of another kind by what it leaves."""
+"""What stands beside causes of which none is named: the mismatch is too weak to tell an effect of another kind by what
+it leaves, or none is proved."""
 
 
 def rival_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:

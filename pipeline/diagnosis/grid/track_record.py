@@ -56,7 +56,9 @@ class TrackRecord:
 RECORD = {
     "named": TrackRecord("a cause named", "The cause named was right", 148, 154),
     "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 30, 30),
-    "weak": TrackRecord("a difference too weak to name its cause", "The truth was among those given", 68, 70),
+    "weak": TrackRecord(
+        "a difference too weak to name its cause, or none proved", "The truth was among those given", 68, 70
+    ),
     "not_in_library": TrackRecord(
         "no known cause given, with those that come near", "None known, or the closest, was right", 109, 114
     ),
@@ -67,7 +69,9 @@ RECORD = {
 IN_MOTION = {
     "named": TrackRecord("a cause named", "The cause named was right", 41, 46),
     "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 10, 13),
-    "weak": TrackRecord("a difference too weak to name its cause", "The truth was among those given", 6, 6),
+    "weak": TrackRecord(
+        "a difference too weak to name its cause, or none proved", "The truth was among those given", 6, 6
+    ),
     "not_in_library": TrackRecord(
         "no known cause given, with those that come near", "None known, or the closest, was right", 15, 20
     ),

@@ -92,7 +92,7 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
 
     Notes
     -----
-    Two lags one after the other are nearer to a delay than one is. As a rival of a delay they count where one does.
+    Two lags one after the other are nearer to a delay than one is; they are a rival of a delay where one lag is.
     """
     best = naming.best
     late = [place for place, fit in enumerate(best.fits) if cast("MotionTerm", fit.candidate).comes_late]
@@ -116,7 +116,7 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
             near = as_much or rival.score > best.score - MARGIN
             if near and (rival.ids not in found or rival.score > found[rival.ids].score):
                 found[rival.ids] = rival
-                alike = max(alike, LATE_ALIKE * named.gain)
+                alike = max(alike, LATE_ALIKE * named.gain * as_much)
     by_evidence = sorted(found.values(), key=lambda rival: -rival.score)
     return replace(
         naming, rivals=tuple(by_evidence), evidence_scale=min(naming.evidence_scale, MARGIN / (MARGIN + alike))
@@ -124,8 +124,9 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
 
 
 def _between(rival: TermSet, best: TermSet) -> bool:
-    """Whether a rival differs by a law that lies between two mechanisms."""
-    return any(cast("MotionTerm", fit.candidate).between for fit in rival.fits if fit.identifier not in best.ids)
+    """Whether a rival has a law that lies between two mechanisms in the place of one of the leading set."""
+    others = [fit for fit in rival.fits if fit.identifier not in best.ids]
+    return len(rival.fits) == len(best.fits) and any(cast("MotionTerm", fit.candidate).between for fit in others)
 
 
 def without_held(naming: TermNaming) -> TermNaming:

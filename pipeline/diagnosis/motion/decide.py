@@ -21,7 +21,7 @@ from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import fit_constants, slow_noise_beside_drift
 from pmg.pipeline.diagnosis.motion.fitted_size import error_of_law, fitted_size
 from pmg.pipeline.diagnosis.motion.naming import SEARCH_STEPS, name_causes
-from pmg.pipeline.diagnosis.motion.withheld import by_kind, by_run
+from pmg.pipeline.diagnosis.motion.withheld import WithheldRuns, by_kind, by_run
 from pmg.pipeline.files.progress import Steps
 
 if TYPE_CHECKING:
@@ -203,17 +203,21 @@ def _proof(
     """Errors of a set of mechanisms on withheld kinds of run, or where those cannot tell, on withheld runs.
 
     What one kind of run alone shows, as friction right after a reversal, no other kind can predict; a set that leaves
-    more than noise must do so nevertheless. None where there is too little to withhold.
+    no more than noise may be borne out by runs nevertheless, where every part of them names it. None where there is too
+    little to withhold.
     """
 
     def prove(best: Explanation[TermFit, TermProblem]) -> HeldOut | None:
-        held = None
-        for rows in (by_kind(found, best.fits), by_run(found, best.fits)):
-            if len(np.unique(rows.fold[rows.fold < rows.folds])) > 1:
-                held = withhold(rows, MotionCatalogue(refine=False), best.fits, rng, bent=best.bent > 0.0)
-                if held.predicts or not naming.explained:
-                    break
-        return held
+        def held(rows: WithheldRuns) -> HeldOut | None:
+            if len(np.unique(rows.fold[rows.fold < rows.folds])) < 2:
+                return None
+            return withhold(rows, MotionCatalogue(refine=False), best.fits, rng, bent=best.bent > 0.0)
+
+        of_kinds = held(by_kind(found, best.fits))
+        if of_kinds is not None and ((of_kinds.predicts and of_kinds.shows(best.gain)) or not naming.explained):
+            return of_kinds
+        of_runs = held(by_run(found, best.fits))
+        return of_runs if of_kinds is None or (of_runs is not None and of_runs.kept == 1.0) else of_kinds
 
     return prove
 

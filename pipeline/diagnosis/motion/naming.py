@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
+from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.forms import with_free_laws, with_look_alikes
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.motion.candidates.library import library
@@ -19,8 +23,6 @@ from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import fit_beside
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
@@ -61,29 +63,40 @@ def name_causes(
     Notes
     -----
     The constants alone take up a part of a large cause, and rows that are straight about those constants show the rest
-    as something else: a long delay as a lag, because a skew took up the first of it. Beside what leads they are nearer.
-    Once they are, another leader must leave less than the one before. Before, a lag and a delay together come nearer to
-    a long one than either.
+    as something else: a long delay as a lag, because a skew took up the first of it. Beside what leads they are nearer,
+    and where others lead then, nearer beside those. Where the leaders do not settle, or one no longer explains what the
+    one before did, that is told which leaves least of the rows about it. Before, a lag and a delay together come nearer
+    to a long one than either.
     """
     steps.begin(SEARCH_STEPS[0])
-    meant = without_opposed(found)
-    naming, about = _searched(meant, MotionCatalogue(one_late=False)), before
-    for turn in range(STRAIGHTENED if naming.best.fits else 0):
-        if not turn:
+    meant, about = without_opposed(found), before
+    naming, settled = _searched(meant, MotionCatalogue(one_late=False)), False
+    led: list[tuple[float, tuple[MotionEvidence, MotionEvidence, TermNaming]]] = []
+    while naming.best.fits and not settled and len(led) < STRAIGHTENED:
+        if not led:
             steps.begin(SEARCH_STEPS[1])
-        about, _ = fit_beside(about, noise, naming.best.fits)
-        again = motion_evidence(about, noise, library(), rng)
-        meant_again = without_opposed(again)
-        anew = _searched(meant_again, MotionCatalogue())
-        changed = _elsewhere(naming.best.fits, anew.best.fits)
-        if turn and changed and anew.best.unexplained > naming.best.unexplained:
+        best = naming.best
+        about, _ = fit_beside(replace(before, values=about.values), noise, best.fits)
+        told = found, meant, naming
+        found = motion_evidence(about, noise, library(), rng)
+        meant = without_opposed(found)
+        naming = _searched(meant, MotionCatalogue())
+        led.append((_left_by(best.fits, found), told))
+        settled = not _elsewhere(best.fits, naming.best.fits)
+        if led[:-1] and told[-1].explained and not naming.explained:
             break
-        found, meant, naming = again, meant_again, anew
-        if not naming.best.fits or not changed:
-            break
+    if naming.best.fits and not settled:
+        _, (found, meant, naming) = min(led, key=lambda each: each[0])
     naming = with_free_laws(naming, meant.problem, MotionCatalogue(), adequacy_test(meant.evidence))
     naming = with_late_look_alikes(without_held(with_look_alikes(naming, meant.problem)), meant.problem)
     return found, meant, with_small_rest(naming, found)
+
+
+def _left_by(fits: tuple[TermFit, ...], about: MotionEvidence) -> float:
+    """Sum of squares that mechanisms leave of rows about them [noise variances], with the cost of their parameters."""
+    fitted = explain_with(about.problem, MotionCatalogue(), [fit.candidate for fit in fits])
+    left = fitted.problem.left * np.where(about.of_sheet, 1.0, about.scatter)  # rows are in units of their own scatter
+    return float(left @ left) + fitted.gain - fitted.score
 
 
 def _elsewhere(before: tuple[TermFit, ...], after: tuple[TermFit, ...]) -> bool:

@@ -23,7 +23,7 @@ WORDS = {
 ANSWERS = {
     "named": "where a cause was named",
     "ambiguous": "where several causes were given",
-    "weak": "where the difference was too weak to name one cause",
+    "weak": "where the difference was too weak to name one cause, or none was proved",
     "not_in_library": "where no cause of the library was given",
 }
 """Kinds of answer, each with how often it holds the truth."""

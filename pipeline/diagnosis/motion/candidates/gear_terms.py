@@ -38,7 +38,7 @@ north and south poles that are alike make none."""
 def hysteresis_terms() -> Iterator[MotionTerm]:
     """Hysteresis of the magnetic spring."""
     several = "several stops"
-    for gives, variant, within in ((lagging, "", ""), (stopping, "one stop", several)):
+    for gives, at_most, variant, within in ((lagging, "", "", ""), (stopping, ", z at most 1", "one stop", several)):
 
         def law(view: RotorView, over: float, gives: Callable[[Array, float], Array] = gives) -> Array:
             return stack(view.pairs * view.of_poles(over, gives))
@@ -46,7 +46,7 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
         yield term(
             "gear_hysteresis",
             "Hysteresis of the gear: a drag on the pole angle that does not depend on its rate",
-            "p h z(phi)",
+            f"p h z(phi){at_most}",
             amount("drag", "N m", 0.1),
             law,
             engaged_only=True,

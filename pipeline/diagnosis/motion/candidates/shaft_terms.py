@@ -104,7 +104,7 @@ def bearing_terms(side: str) -> Iterator[MotionTerm]:
 def reversal_terms(side: str) -> Iterator[MotionTerm]:
     """Friction that depends on the sense of rotation, and on the last reversal."""
     bearings = Component(f"{side}_bearings")
-    for gives, variant in ((lagging, ""), (stopping, "one stop")):
+    for gives, at_most, variant in ((lagging, "", ""), (stopping, ", z at most 1", "one stop")):
 
         def law(view: RotorView, over: float, gives: Callable[[Array, float], Array] = gives) -> Array:
             return stack(gives(view.slow_angle, over) - view.direction)
@@ -112,7 +112,7 @@ def reversal_terms(side: str) -> Iterator[MotionTerm]:
         yield term(
             "presliding_friction",
             "Friction that rises over an angle after a reversal",
-            "M (z(theta) - sign(w))",
+            f"M (z(theta) - sign(w)){at_most}",
             amount("friction", "N m", 1.0),
             law,
             source=sources.DAHL,
