@@ -17,9 +17,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
+from pmg.pipeline.chapters.in_motion.action_sheet import action_sheet
 from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermProblem, fit_term
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.free_form import DEGREE
+from pmg.pipeline.diagnosis.grid.rivals import NONE_KNOWN, NOT_PROVED
 from pmg.pipeline.diagnosis.motion.baseline import start_baseline
 from pmg.pipeline.diagnosis.motion.candidates.coupling_terms import _damped
 from pmg.pipeline.diagnosis.motion.candidates.library import library
@@ -32,7 +34,8 @@ from pmg.pipeline.diagnosis.motion.free_form import MIXED, bent_columns
 from pmg.pipeline.diagnosis.motion.noise import SlowNoise, row_noise, slow_noise_of
 from pmg.pipeline.diagnosis.motion.places import where_to_look
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
-from pmg.pipeline.diagnosis.motion.statement import largest_place
+from pmg.pipeline.diagnosis.motion.statement import largest_place, phrase
+from pmg.pipeline.diagnosis.motion.traces import effects_of, traces_of
 from pmg.pipeline.diagnosis.motion.view import lagging, stopping
 from pmg.pipeline.motion.run import MovingRun
 from pmg.pipeline.motion.smooth import derivative, smooth
@@ -164,6 +167,21 @@ def test_a_lag_of_the_transducer_is_named_with_its_size() -> None:
     names = {(fit.identifier, fit.place) for e in (found.naming.best, *found.naming.rivals) for fit in e.fits}
     assert ("transducer_bandwidth", "sun") in names
     assert found.mismatch.p_value < 0.05
+    _is_told_as_not_proved(replace(found, verdict=Verdict.AMBIGUOUS, weak=True))
+
+
+def _is_told_as_not_proved(found: MotionDiagnosis) -> None:
+    """A set that withheld rows do not bear out: the same words in statement, document and sheet, and no cause."""
+    told, effects = motion_document(found), effects_of(found)
+    assert told["phrase"] == NOT_PROVED[0] == phrase(found)
+    assert f"{NOT_PROVED[1]}. Possible causes: " in told["statement"]
+    assert "; or one that the catalogue does not have." in told["statement"]
+    assert told["rivals"][-1] == NONE_KNOWN
+    assert "Cause: " not in told["statement"]
+    sheet = action_sheet(found, told, effects, traces_of(found, effects))
+    answers = {each.question: each.sentences for each in sheet.answers}
+    assert answers["Verdict"] == ("No cause proved.",)
+    assert answers["Possible causes"][-1] == "Or one that the catalogue does not have."
 
 
 def _angle_density(speed: Array, jitter: float, rng: np.random.Generator) -> float:
