@@ -30,6 +30,7 @@ from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motio
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
 from pmg.pipeline.diagnosis.motion.fitted_size import fitted_size
+from pmg.pipeline.diagnosis.motion.lag import Lag
 from pmg.pipeline.diagnosis.motion.naming import _elsewhere
 from pmg.pipeline.diagnosis.motion.noise import RowNoise
 from pmg.pipeline.diagnosis.motion.view import RotorView
@@ -142,7 +143,7 @@ def test_leaders_that_do_not_settle_are_held_against_each_other(
     monkeypatch.setattr(naming, "STRAIGHTENED", len(left))
     monkeypatch.setattr(naming, "replace", lambda before, **_: before)
     monkeypatch.setattr(naming, "adequacy_test", lambda _: None)
-    monkeypatch.setattr(naming, "fit_beside", lambda *_: (about, None))
+    monkeypatch.setattr(naming, "_beside_whole", lambda *_: about)
     monkeypatch.setattr(naming, "motion_evidence", lambda *_: about)
     monkeypatch.setattr(naming, "without_opposed", lambda found: found)
     monkeypatch.setattr(naming, "_searched", lambda *_: next(searches))
@@ -245,8 +246,10 @@ def test_a_lag_shifts_and_weakens_a_wave_as_its_response_says(lag: float, order:
     time, rate = np.arange(5000) / FINE_RATE, 2.0 * np.pi * frequency
     run = SimpleNamespace(fine_rate=FINE_RATE)
     state = SimpleNamespace(coupling_torque=0.5 + np.sin(rate * time), stretch=SimpleNamespace(run=run))
-    shown = 0.5 + np.sin(rate * time) + _lagging(cast("RotorView", SimpleNamespace(state=state)), lag, order)[:, 0]
-    response = (1.0 + 1j * rate * lag / order) ** -order
+    view = SimpleNamespace(state=state, side="sun")
+    shown = 0.5 + np.sin(rate * time) + _lagging(cast("RotorView", view), lag, order)[:, 0]
+    response = complex(Lag("sun", lag, order).response(np.array([1j * rate]))[0])
+    assert response == pytest.approx((1.0 + 1j * rate * lag / order) ** -order)
     expected = 0.5 + np.abs(response) * np.sin(rate * time + np.angle(response))
     late = time > 15.0 * lag
     # straight lines between the samples of each lag are up to an eighth of that off their wave

@@ -15,6 +15,7 @@ from pmg.pipeline.diagnosis.motion import baseline as baseline_room
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, _linearised, fit_baseline, start_baseline
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
+from pmg.pipeline.diagnosis.motion.lag import Lag
 from pmg.pipeline.diagnosis.motion.noise import row_noise
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
@@ -25,6 +26,7 @@ from pmg.pipeline.trials.motion.programme import MotionCampaign
 from pmg.pipeline.trials.motion.size import Scene
 from pmg.pipeline.trials.motion.strata import motion_strata
 from pmg.sim.bench import load_bench
+from pmg.sim.signals import Array
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +63,32 @@ def test_columns_are_what_the_prediction_changes_by(baseline: MotionBaseline) ->
             moved |= {constant.name} if change.any() else set()
     still = {constant.name for constant in sheet.constants} - moved
     assert still <= {"drag_ring_off_at_150"}, "acts on nothing, and not because the ring stays slower"
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_beside_a_lag_columns_are_what_the_lagging_reading_changes_by(baseline: MotionBaseline, order: int) -> None:
+    """An unlagged column would lead the fit of a long lag away from the bench."""
+    sheet, lag = baseline.sheet, Lag("sun", 0.02, order)
+    lagging = replace(baseline, lags=(lag,))
+    moved = [sheet.at(name) for name in ("inertia_sun", "compliance_sun", "drag_sun_0.5", "zero_sun")]
+
+    def shown(values: Array, place: int) -> Array:
+        state = MotionBaseline(sheet, values, baseline.stretches).states[place]
+        torque = state.coupling_torque[:, None]
+        late = lag.of(torque, state.stretch.run.fine_rate) - torque
+        found = replace(baseline, values=values).predicted(place)
+        return np.asarray(found + state.stretch.of_rows(late[:, 0]) * (state.stretch.side == "sun"))
+
+    for at in moved:
+        step = 1e-2 * sheet.constants[at].spread if np.isfinite(sheet.constants[at].spread) else 1e-4
+        up, down = (baseline.values + sign * step * (np.arange(len(sheet)) == at) for sign in (1.0, -1.0))
+        for place in range(len(baseline.stretches)):
+            change = (shown(up, place) - shown(down, place)) / (2.0 * step)
+            column = lagging.columns(place)[:, at]
+            assert np.abs(column - change).max() <= 0.01 * np.abs(change).max() + 1e-9, (
+                sheet.constants[at].name,
+                place,
+            )
 
 
 def test_an_encoder_acts_on_the_other_rotor_where_the_gear_couples_them(baseline: MotionBaseline) -> None:

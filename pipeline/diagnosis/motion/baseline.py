@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
+    from pmg.pipeline.diagnosis.motion.lag import Lag
     from pmg.pipeline.diagnosis.motion.rows import RotorRows, RotorState
     from pmg.sim.signals import Array
 
@@ -28,6 +29,9 @@ sheet, or a large cause, bends the rows so much that a whole step leads away."""
 
 SETTLED = 0.02
 """Step over standard error below which the constants are settled."""
+
+OF_READING = ("zero", "skew")
+"""Constants that say what a transducer shows beside a torque, as their names begin."""
 
 STRAIGHT = 10.0
 """Step over standard error up to which the columns of the constants stay as they are: they change by a thousandth."""
@@ -51,6 +55,10 @@ class MotionBaseline:
         Torque that mechanisms beside the baseline make at the fine samples of each stretch [N m]; none where empty.
     amounts : (a,) array
         Their amplitudes.
+    lags : tuple of Lag
+        Those of them that are lags.
+    of_noise : tuple of (n,) array
+        What lags make of the noise of the angles, which is in the torque of the constants and not in `beside` [N m].
     """
 
     sheet: DataSheet
@@ -59,11 +67,14 @@ class MotionBaseline:
     instruments: tuple[RotorRows, ...] = ()
     beside: tuple[Array, ...] = ()
     amounts: Array = field(default_factory=lambda: np.zeros(0))
+    lags: tuple[Lag, ...] = ()
+    of_noise: tuple[Array, ...] = ()
 
     @cached_property
     def clean(self) -> MotionBaseline:
         """The same constants on signals freed from noise, of which columns are made."""
-        return MotionBaseline(self.sheet, self.values, self.instruments or self.stretches)
+        stretches = self.instruments or self.stretches
+        return MotionBaseline(self.sheet, self.values, stretches, lags=self.lags)
 
     @cached_property
     def states(self) -> tuple[RotorState, ...]:
@@ -77,7 +88,9 @@ class MotionBaseline:
 
     def missing(self, place: int) -> Array:
         """Measured torque of a stretch less that of the constants [N m], (n,)."""
-        return self.stretches[place].torque - self.predicted(place)
+        stretch = self.stretches[place]
+        noise = stretch.of_rows(self.of_noise[place]) if self.of_noise else 0.0
+        return np.asarray(stretch.torque - self.predicted(place) - noise)
 
     def left(self, place: int) -> Array:
         """The same less that of the mechanisms beside the constants [N m], (n,)."""
@@ -89,8 +102,12 @@ class MotionBaseline:
         state = self.states[place]
         slopes = linear_columns(state)
         slopes |= encoder_columns(state) | stance_columns(state)
-        found = np.zeros((len(state.stretch), len(self.sheet)))
-        found[:, [self.sheet.at(name) for name in slopes]] = state.stretch.of_rows(np.stack(list(slopes.values()), 1))
+        fine, found = np.stack(list(slopes.values()), 1), np.zeros((len(state.stretch), len(self.sheet)))
+        of_torque = [not name.startswith(OF_READING) for name in slopes]
+        for lag in self.lags:
+            if lag.side == state.stretch.side and any(of_torque):
+                fine[:, of_torque] = lag.of(fine[:, of_torque], state.stretch.run.fine_rate)
+        found[:, [self.sheet.at(name) for name in slopes]] = state.stretch.of_rows(fine)
         return found
 
 

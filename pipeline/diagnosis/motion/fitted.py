@@ -9,6 +9,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline, start_baseline
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
+from pmg.pipeline.diagnosis.motion.lag import Lag
 from pmg.pipeline.diagnosis.motion.noise import OF_TIME, row_noise, slow_noise_of
 from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.constants import DataSheet
     from pmg.pipeline.diagnosis.motion.noise import RowNoise, SlowNoise
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
     from pmg.pipeline.diagnosis.motion.view import RotorView
@@ -128,14 +130,16 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
         found = _with_masses_of_sheet(found, white)
     for _ in range(CLEANINGS if fits or not start.instruments else 1):
         found, covariance = fit_baseline(found, white, extra if fits else None)
-        if fits and all(_term(fit).of_transducer for fit in fits):
-            found = with_faults(found)
-        if not any(_term(fit).hears for fit in fits):
-            found = with_instruments(found)
-            continue
         amounts = np.split(found.amounts, np.cumsum([len(fit.amplitudes) for fit in fits])[:-1])
-        found = with_instruments(found, _as_shown(found, fits, amounts), _Heard(fits, amounts))
-    return found, covariance
+        if any(_term(fit).of_transducer for fit in fits):
+            found = with_faults(found, _faults(found, fits, amounts))
+        if found.lags:
+            found = replace(found, of_noise=_of_noise(found, fits, amounts))
+        if any(_term(fit).hears for fit in fits):
+            found = with_instruments(found, _as_shown(found, fits, amounts), _Heard(fits, amounts))
+        else:
+            found = with_instruments(found)
+    return replace(found, sheet=start.sheet), covariance
 
 
 def _whitener(noise: list[RowNoise]) -> Callable[[int, Array], Array]:
@@ -162,23 +166,36 @@ def _with_masses_of_sheet(start: MotionBaseline, white: Callable[[int, Array], A
     Where a campaign hardly accelerates, noise is most of what an acceleration shows, and an inertia fitted to it is too
     small by as much. And beside an inertia that is held and wrong, no other constant that bends the rows has a meaning.
     """
-    sheet = start.sheet
-    held = tuple(
-        replace(constant, spread=HELD * constant.spread) if constant.name.startswith(BENDING) else constant
-        for constant in sheet.constants
+    found, _ = fit_baseline(replace(start, sheet=_held(start.sheet, BENDING)), white)
+    return with_instruments(replace(found, sheet=start.sheet))
+
+
+def _held(sheet: DataSheet, names: tuple[str, ...]) -> DataSheet:
+    """A data sheet that hardly lets constants move whose names begin so."""
+    return replace(
+        sheet,
+        constants=tuple(
+            replace(constant, spread=HELD * constant.spread) if constant.name.startswith(names) else constant
+            for constant in sheet.constants
+        ),
     )
-    found, _ = fit_baseline(replace(start, sheet=replace(sheet, constants=held)), white)
-    return with_instruments(replace(found, sheet=sheet))
 
 
 def _apart(start: MotionBaseline, fits: tuple[TermFit, ...]) -> MotionBaseline:
-    """A baseline whose skew did not take up the faults of a transducer, so that both can be told apart."""
+    """A baseline whose skew did not take up the faults of a transducer, so that both can be told apart.
+
+    It knows which of them are lags. Beside one, the skew is held: the slope of a torque as shown holds that of its
+    noise, and with a longer lag it would make a better fit than the lag alone.
+    """
     values = start.values.copy()
+    lags = tuple(Lag(_term(f).place, f.shape, _term(f).lag_order) for f in fits if _term(f).lag_order)
+    late = tuple(f"skew_{_term(f).place}" for f in fits if _term(f).comes_late and _term(f).whole)
+    sheet = _held(start.sheet, late) if late else start.sheet
     for fit in fits:
         if _term(fit).hears or _term(fit).comes_late:
             at = start.sheet.at(f"skew_{_term(fit).place}")
             values[at] = start.sheet.expected[at]
-    return replace(start, values=values)
+    return replace(start, sheet=sheet, values=values, lags=lags)
 
 
 class _Heard:
@@ -203,6 +220,25 @@ class _Heard:
                 mine, theirs = term.hears(rate, shape)
                 own, other = own + amount * mine, other + amount * theirs
         return own, other
+
+
+def _faults(found: MotionBaseline, fits: tuple[TermFit, ...], amounts: list[Array]) -> tuple[Array, ...]:
+    """What transducers show beyond the torque of their couplings, at the fine samples of each stretch [N m]."""
+    parts = [(_term(fit), fit.shape, a) for fit, a in zip(fits, amounts, strict=True) if _term(fit).of_transducer]
+    views = views_of(found.clean)
+    return tuple(np.asarray(sum(term.columns_on(view, shape) @ a for term, shape, a in parts)) for view in views)
+
+
+def _of_noise(found: MotionBaseline, fits: tuple[TermFit, ...], amounts: list[Array]) -> tuple[Array, ...]:
+    """What lags make of the noise of the angles, at the fine samples of each stretch [N m]."""
+    parts = [(_term(fit), fit.shape, a) for fit, a in zip(fits, amounts, strict=True) if _term(fit).lag_order]
+    noisy, clean = views_of(MotionBaseline(found.sheet, found.values, found.stretches)), views_of(found.clean)
+
+    def more(of_noisy: RotorView, of_clean: RotorView) -> Array:
+        both = ((term.columns_on(of_noisy, t) - term.columns_on(of_clean, t)) @ a for term, t, a in parts)
+        return np.asarray(sum(both))
+
+    return tuple(map(more, noisy, clean))
 
 
 def _as_shown(found: MotionBaseline, fits: tuple[TermFit, ...], amounts: list[Array]) -> tuple[Array, ...]:

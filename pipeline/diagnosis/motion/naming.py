@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
     from pmg.pipeline.files.progress import Steps
@@ -35,6 +37,9 @@ SEARCH_STEPS = "causes", "constants beside the first cause"
 
 STRAIGHTENED = 3
 """Times at most that the rows are made straight about what leads, and the library is searched anew."""
+
+FOLLOWED, NEAR_ONE = 3, 0.02
+"""Times at most that the time of a delay or lag follows its amplitude, and how near to 1 that is near enough."""
 
 MOVED = 1.2
 """Factor on a delay or a lag from which on rows that are straight about the one are not about the other."""
@@ -65,8 +70,8 @@ def name_causes(
     The constants alone take up a part of a large cause, and rows that are straight about those constants show the rest
     as something else: a long delay as a lag, because a skew took up the first of it. Beside what leads they are nearer,
     and where others lead then, nearer beside those. Where the leaders do not settle, or one no longer explains what the
-    one before did, that is told which leaves least of the rows about it. Before, a lag and a delay together come nearer
-    to a long one than either.
+    one before did, that is told which leaves least of the rows about it; a leader whose time alone still moves stays.
+    Before, a lag and a delay together come nearer to a long one than either.
     """
     steps.begin(SEARCH_STEPS[0])
     meant, about = without_opposed(found), before
@@ -76,7 +81,7 @@ def name_causes(
         if not led:
             steps.begin(SEARCH_STEPS[1])
         best = naming.best
-        about, _ = fit_beside(replace(before, values=about.values), noise, best.fits)
+        about = _beside_whole(replace(before, values=about.values), noise, best.fits)
         told = found, meant, naming
         found = motion_evidence(about, noise, library(), rng)
         meant = without_opposed(found)
@@ -85,11 +90,32 @@ def name_causes(
         settled = not _elsewhere(best.fits, naming.best.fits)
         if led[:-1] and told[-1].explained and not naming.explained:
             break
-    if naming.best.fits and not settled:
+    if naming.best.fits and not (settled or (naming.explained and _same(best.fits, naming.best.fits))):
         _, (found, meant, naming) = min(led, key=lambda each: each[0])
     naming = with_free_laws(naming, meant.problem, MotionCatalogue(), adequacy_test(meant.evidence))
     naming = with_late_look_alikes(without_held(with_look_alikes(naming, meant.problem)), meant.problem)
     return found, meant, with_small_rest(naming, found)
+
+
+def _beside_whole(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit, ...]) -> MotionBaseline:
+    """The constants beside mechanisms; the time of a delay or lag follows its amplitude, which is 1 where it fits."""
+    about, _ = fit_beside(start, noise, fits)
+    for _ in range(FOLLOWED):
+        amounts = iter(np.split(about.amounts, np.cumsum([len(fit.amplitudes) for fit in fits])[:-1]))
+        moved = tuple(_followed(fit, float(next(amounts)[0])) for fit in fits)
+        if all(one.shape == other.shape or math.isnan(one.shape) for one, other in zip(fits, moved, strict=True)):
+            break
+        fits = moved
+        about, _ = fit_beside(replace(start, values=about.values), noise, fits)
+    return about
+
+
+def _followed(fit: TermFit, amount: float) -> TermFit:
+    """A delay or lag with the time that its amplitude asks for, where that is another one."""
+    if not fit.candidate.whole or not cast("MotionTerm", fit.candidate).comes_late or abs(amount - 1.0) < NEAR_ONE:
+        return fit
+    low, high = fit.candidate.parameters[-1].bounds
+    return replace(fit, shape=float(np.clip(amount * fit.shape, low, high)))
 
 
 def _left_by(fits: tuple[TermFit, ...], about: MotionEvidence) -> float:
@@ -101,11 +127,16 @@ def _left_by(fits: tuple[TermFit, ...], about: MotionEvidence) -> float:
 
 def _elsewhere(before: tuple[TermFit, ...], after: tuple[TermFit, ...]) -> bool:
     """Whether others lead than before, or on another shaft, or the same delay or lag with a time far from before."""
-    if {(fit.identifier, fit.place) for fit in before} != {(fit.identifier, fit.place) for fit in after}:
+    if not _same(before, after):
         return True
     known = {fit.candidate: fit.shape for fit in before if fit.candidate.whole}
     times = [(known[fit.candidate], fit.shape) for fit in after if fit.candidate in known]
     return any(max(one, other) > MOVED * min(one, other) for one, other in times)
+
+
+def _same(one: tuple[TermFit, ...], other: tuple[TermFit, ...]) -> bool:
+    """Whether the same mechanisms lead in the same places."""
+    return {(fit.identifier, fit.place) for fit in one} == {(fit.identifier, fit.place) for fit in other}
 
 
 def _searched(meant: MotionEvidence, catalogue: MotionCatalogue) -> TermNaming:

@@ -69,10 +69,10 @@ def with_instruments(
     return replace(baseline, instruments=tuple(replace(s, run=found[s.run.run.name]) for s in baseline.stretches))
 
 
-def with_faults(baseline: MotionBaseline) -> MotionBaseline:
-    """A baseline whose mechanisms beside it are faults of transducers: they are no torque that twists a coupling."""
+def with_faults(baseline: MotionBaseline, of_stretch: tuple[Array, ...]) -> MotionBaseline:
+    """A baseline that knows what transducers show too much at fine samples (n,): no torque that twists a coupling."""
     faults: dict[str, dict[str, Array]] = {}
-    for stretch, fault in zip(baseline.stretches, baseline.beside, strict=True):
+    for stretch, fault in zip(baseline.stretches, of_stretch, strict=True):
         faults.setdefault(stretch.run.run.name, {})[stretch.side] = fault
     found: dict[str, SmoothRun] = {}
     for stretch in baseline.stretches:
@@ -137,8 +137,8 @@ def _response(weights: Array, frequency: Array) -> Array:
 def _mixing(baseline: MotionBaseline, places: list[int], rate: Spectrum, heard: Heard) -> Spectrum:
     """What each noise (torques, then angles) adds to each residual of the stretches of a run, by frequency (r, 4, f).
 
-    A torque's noise also twists the coupling, and a reading that is late holds some of its slope; the magnetic spring
-    is as stiff as it is on average over the run.
+    A torque's noise also twists the coupling, and a reading that is late holds some of its slope; of what the angles
+    make, a transducer that lags shows less. The magnetic spring is as stiff as it is on average over the run.
     """
     sheet, values = baseline.sheet, baseline.values
     peak = float(values[sheet.at("pull_out")])
@@ -152,6 +152,9 @@ def _mixing(baseline: MotionBaseline, places: list[int], rate: Spectrum, heard: 
             stiff = peak * float(np.mean(np.cos(state.pole_angle))) + float(values[sheet.at("slip_damping")]) * rate
             for side in SIDES:
                 of_motor[side] = of_motor.get(side, 0.0 * rate) + sheet.poles[own] * sheet.poles[side] * stiff
+        for lag in baseline.lags:
+            if lag.side == own:
+                of_motor = {side: lag.response(rate) * torque for side, torque in of_motor.items()}
         for side, torque in of_motor.items():
             at = SIDES.index(side)
             mixing[row, at] += give[side] * torque

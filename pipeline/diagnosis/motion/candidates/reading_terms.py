@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
-from scipy.signal import lfilter
 
 from pmg.pipeline.diagnosis.balance.library.term import Quantity
 from pmg.pipeline.diagnosis.motion.candidates.terms import amount, signed, stack, term
+from pmg.pipeline.diagnosis.motion.lag import Lag
 from pmg.pipeline.motion.smooth import derivative
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
@@ -70,22 +70,13 @@ def _unheld(view: RotorView, delay: float) -> Array:
     return shaft.torque - _at(view, delay, sharper, shaft.torque_rate - part * slope)
 
 
-def _lagging(view: RotorView, lag: float, order: int) -> Array:
-    r"""What lags of equal time, one after the other, add to the torque of the model (n, 1); `lag` is of all [s].
+def _lagging(view: RotorView, time: float, order: int) -> Array:
+    """What lags add to the torque of the model (n, 1).
 
     Made of the torque as shown, a lag that is long in the band of the rows would multiply its noise.
-
-    Notes
-    -----
-    :math:`\tau\dot y + y = x` is solved exactly for straight lines between the samples of x.
     """
-    torque, rate = view.state.coupling_torque, view.state.stretch.run.fine_rate
-    kept = float(np.exp(-order / (rate * lag)))
-    mean = (1.0 - kept) * lag * rate / order
-    found = torque
-    for _ in range(order):
-        found = found[0] + lfilter([1.0 - mean, mean - kept], [1.0, -kept], found - found[0])
-    return stack(found - torque)
+    torque = stack(view.state.coupling_torque)
+    return Lag(view.side, time, order).of(torque, view.state.stretch.run.fine_rate) - torque
 
 
 def scale_terms(side: str) -> Iterator[MotionTerm]:
@@ -163,6 +154,7 @@ def lag_terms(side: str) -> Iterator[MotionTerm]:
             equation,
             WHOLE,
             partial(_lagging, order=order),
+            lag_order=order,
             mimicked_by=(f"skew_{side}",),
             source=sources.BALANCE,
             shape=Quantity("lag", "s", (1e-3, 0.1)),

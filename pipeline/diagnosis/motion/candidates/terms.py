@@ -39,6 +39,8 @@ class MotionTerm(Term[RotorView]):
     hears : callable, optional
         Of a fault of a transducer: what its column holds of the noise in the own reading and in the other's, by the
         rate of change of a wave (f,) and the shape.
+    lag_order : int
+        Of how many lags it is made, one after the other, the shape being the time of all; 0 where it is none.
     follows : tuple of LawCovariate
         Quantities along which its law may be another one.
     holds : tuple of str
@@ -64,6 +66,7 @@ class MotionTerm(Term[RotorView]):
     constants: tuple[str, ...] = ()
     mimicked_by: tuple[str, ...] = ()
     hears: Callable[[Spectrum, float], tuple[Spectrum | float, Spectrum | float]] | None = None
+    lag_order: int = 0
     follows: tuple[LawCovariate, ...] = ()
     holds: tuple[str, ...] = ()
     between: bool = False
