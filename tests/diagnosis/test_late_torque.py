@@ -30,12 +30,12 @@ from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motio
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
 from pmg.pipeline.diagnosis.motion.fitted_size import fitted_size
-from pmg.pipeline.diagnosis.motion.lag import Lag
 from pmg.pipeline.diagnosis.motion.naming import _elsewhere
 from pmg.pipeline.diagnosis.motion.noise import RowNoise
 from pmg.pipeline.diagnosis.motion.view import RotorView
 from pmg.pipeline.files.progress import Steps
 from pmg.pipeline.motion.banded import BandedFactor
+from pmg.pipeline.motion.lag import Lag
 from pmg.pipeline.motion.smooth import FINE_RATE, smooth
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.bench import load_bench

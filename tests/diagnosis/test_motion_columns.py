@@ -15,10 +15,10 @@ from pmg.pipeline.diagnosis.motion import baseline as baseline_room
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, _linearised, fit_baseline, start_baseline
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
-from pmg.pipeline.diagnosis.motion.lag import Lag
 from pmg.pipeline.diagnosis.motion.noise import row_noise
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
+from pmg.pipeline.motion.lag import Lag
 from pmg.pipeline.motion.smooth import smooth
 from pmg.pipeline.trials.motion.bench import draw_bench
 from pmg.pipeline.trials.motion.nature import MotionCase, measure_motion_case

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
-    from pmg.pipeline.diagnosis.motion.lag import Lag
     from pmg.pipeline.diagnosis.motion.rows import RotorRows, RotorState
+    from pmg.pipeline.motion.lag import Lag
     from pmg.sim.signals import Array
 
 ITERATIONS = 12

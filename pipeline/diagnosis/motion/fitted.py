@@ -9,11 +9,11 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline, start_baseline
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
-from pmg.pipeline.diagnosis.motion.lag import Lag
 from pmg.pipeline.diagnosis.motion.noise import OF_TIME, row_noise, slow_noise_of
 from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
+from pmg.pipeline.motion.lag import Lag
 from pmg.pipeline.motion.smooth import smooth
 from pmg.sim.errors import FitError
 from pmg.sim.shafts import SIDES

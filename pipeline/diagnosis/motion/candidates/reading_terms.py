@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from pmg.pipeline.diagnosis.balance.library.term import Quantity
 from pmg.pipeline.diagnosis.motion.candidates.terms import amount, signed, stack, term
-from pmg.pipeline.diagnosis.motion.lag import Lag
+from pmg.pipeline.motion.lag import Lag
 from pmg.pipeline.motion.smooth import derivative
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
