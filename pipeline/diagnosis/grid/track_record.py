@@ -67,13 +67,13 @@ RECORD = {
 
 
 IN_MOTION = {
-    "named": TrackRecord("a cause named", "The cause named was right", 41, 46),
-    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 10, 13),
+    "named": TrackRecord("a cause named", "The cause named was right", 46, 51),
+    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 4, 5),
     "weak": TrackRecord(
-        "a difference too weak to name its cause, or none proved", "The truth was among those given", 6, 6
+        "a difference too weak to name its cause, or none proved", "The truth was among those given", 10, 12
     ),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "None known, or the closest, was right", 15, 20
+        "no known cause given, with those that come near", "None known, or the closest, was right", 13, 16
     ),
 }
 """The same of runs in motion, from the trial of 160 campaigns in ``pipeline/trials/motion/README.md``."""
