@@ -35,8 +35,8 @@ NONE_KNOWN = {
     "why": "a cause that the catalogue does not have is not excluded",
     "separating_test": "",
 }
-"""What stands beside causes of which none is named: the mismatch is too weak to tell an effect of another kind by what
-it leaves, or none is proved."""
+"""Last of the possible causes where none is named: the mismatch is too weak to rule out one outside the catalogue, or
+no cause is proved."""
 
 
 def rival_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:

@@ -31,7 +31,7 @@ SETTLED = 0.02
 """Step over standard error below which the constants are settled."""
 
 OF_READING = ("zero", "skew")
-"""Constants that say what a transducer shows beside a torque, as their names begin."""
+"""How the names of those constants begin that belong to the reading: a lag of the torque does not change them."""
 
 STRAIGHT = 10.0
 """Step over standard error up to which the columns of the constants stay as they are: they change by a thousandth."""
@@ -56,9 +56,9 @@ class MotionBaseline:
     amounts : (a,) array
         Their amplitudes.
     lags : tuple of Lag
-        Those of them that are lags.
+        Transducers that lag.
     of_noise : tuple of (n,) array
-        What lags make of the noise of the angles, which is in the torque of the constants and not in `beside` [N m].
+        What the lags change in the torque due to noise of the angles [N m]: `beside` is made of signals without noise.
     """
 
     sheet: DataSheet
@@ -105,7 +105,7 @@ class MotionBaseline:
         fine, found = np.stack(list(slopes.values()), 1), np.zeros((len(state.stretch), len(self.sheet)))
         of_torque = [not name.startswith(OF_READING) for name in slopes]
         for lag in self.lags:
-            if lag.side == state.stretch.side and any(of_torque):
+            if lag.side == state.stretch.side and not state.stretch.at_rest:
                 fine[:, of_torque] = lag.of(fine[:, of_torque], state.stretch.run.fine_rate)
         found[:, [self.sheet.at(name) for name in slopes]] = state.stretch.of_rows(fine)
         return found

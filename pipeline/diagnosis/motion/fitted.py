@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -130,13 +131,17 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
         found = _with_masses_of_sheet(found, white)
     for _ in range(CLEANINGS if fits or not start.instruments else 1):
         found, covariance = fit_baseline(found, white, extra if fits else None)
-        amounts = np.split(found.amounts, np.cumsum([len(fit.amplitudes) for fit in fits])[:-1])
+        torque = partial(_torque, fits=fits, amounts=(amounts := amounts_of(found, fits)))
         if any(_term(fit).of_transducer for fit in fits):
-            found = with_faults(found, _faults(found, fits, amounts))
+            found = with_faults(found, torque(found.clean, which=lambda term: term.of_transducer))
+        noisy, clean = MotionBaseline(found.sheet, found.values, found.stretches), found.clean
         if found.lags:
-            found = replace(found, of_noise=_of_noise(found, fits, amounts))
+            shown, meant = (torque(signals, which=lambda term: term.lag_order > 0) for signals in (noisy, clean))
+            found = replace(found, of_noise=tuple(map(np.subtract, shown, meant)))
         if any(_term(fit).hears for fit in fits):
-            found = with_instruments(found, _as_shown(found, fits, amounts), _Heard(fits, amounts))
+            heard = torque(noisy, which=lambda term: term.hears is not None)
+            others = torque(clean, which=lambda term: term.hears is None)
+            found = with_instruments(found, tuple(map(np.add, heard, others)), _Heard(fits, amounts))
         else:
             found = with_instruments(found)
     return replace(found, sheet=start.sheet), covariance
@@ -182,20 +187,19 @@ def _held(sheet: DataSheet, names: tuple[str, ...]) -> DataSheet:
 
 
 def _apart(start: MotionBaseline, fits: tuple[TermFit, ...]) -> MotionBaseline:
-    """A baseline whose skew did not take up the faults of a transducer, so that both can be told apart.
+    """A start with the skew of a faulty transducer as in its data sheet, so that skew and fault are told apart.
 
-    It knows which of them are lags. Beside one, the skew is held: the slope of a torque as shown holds that of its
-    noise, and with a longer lag it would make a better fit than the lag alone.
+    Beside a delay or a lag the skew is held there: it multiplies the slope of the measured torque and of its noise, and
+    together with a longer lag it would fit better than the true lag alone.
     """
     values = start.values.copy()
     lags = tuple(Lag(_term(f).place, f.shape, _term(f).lag_order) for f in fits if _term(f).lag_order)
     late = tuple(f"skew_{_term(f).place}" for f in fits if _term(f).comes_late and _term(f).whole)
-    sheet = _held(start.sheet, late) if late else start.sheet
     for fit in fits:
         if _term(fit).hears or _term(fit).comes_late:
             at = start.sheet.at(f"skew_{_term(fit).place}")
             values[at] = start.sheet.expected[at]
-    return replace(start, sheet=sheet, values=values, lags=lags)
+    return replace(start, sheet=_held(start.sheet, late), values=values, lags=lags)
 
 
 class _Heard:
@@ -222,35 +226,20 @@ class _Heard:
         return own, other
 
 
-def _faults(found: MotionBaseline, fits: tuple[TermFit, ...], amounts: list[Array]) -> tuple[Array, ...]:
-    """What transducers show beyond the torque of their couplings, at the fine samples of each stretch [N m]."""
-    parts = [(_term(fit), fit.shape, a) for fit, a in zip(fits, amounts, strict=True) if _term(fit).of_transducer]
-    views = views_of(found.clean)
-    return tuple(np.asarray(sum(term.columns_on(view, shape) @ a for term, shape, a in parts)) for view in views)
+def amounts_of(found: MotionBaseline, fits: tuple[TermFit, ...]) -> list[Array]:
+    """Fitted amplitudes of each mechanism beside the constants, (a,) each."""
+    return np.split(found.amounts, np.cumsum([len(fit.amplitudes) for fit in fits])[:-1])
 
 
-def _of_noise(found: MotionBaseline, fits: tuple[TermFit, ...], amounts: list[Array]) -> tuple[Array, ...]:
-    """What lags make of the noise of the angles, at the fine samples of each stretch [N m]."""
-    parts = [(_term(fit), fit.shape, a) for fit, a in zip(fits, amounts, strict=True) if _term(fit).lag_order]
-    noisy, clean = views_of(MotionBaseline(found.sheet, found.values, found.stretches)), views_of(found.clean)
-
-    def more(of_noisy: RotorView, of_clean: RotorView) -> Array:
-        both = ((term.columns_on(of_noisy, t) - term.columns_on(of_clean, t)) @ a for term, t, a in parts)
-        return np.asarray(sum(both))
-
-    return tuple(map(more, noisy, clean))
-
-
-def _as_shown(found: MotionBaseline, fits: tuple[TermFit, ...], amounts: list[Array]) -> tuple[Array, ...]:
-    """Torque of the mechanisms at the fine samples of each stretch: faults of transducers from signals with noise."""
-    noisy = views_of(MotionBaseline(found.sheet, found.values, found.stretches))
-
-    def shown(of_noisy: RotorView, of_clean: RotorView) -> Array:
-        parts = zip(fits, amounts, strict=True)
-        found = (_term(f).columns_on(of_noisy if _term(f).hears else of_clean, f.shape) @ amount for f, amount in parts)
-        return np.asarray(sum(found))
-
-    return tuple(map(shown, noisy, views_of(found.clean)))
+def _torque(
+    signals: MotionBaseline, fits: tuple[TermFit, ...], amounts: list[Array], which: Callable[[MotionTerm], bool]
+) -> tuple[Array, ...]:
+    """Torque of some of the mechanisms at the fine samples of each stretch [N m], from the signals of a baseline."""
+    parts = [(_term(fit), fit.shape, a) for fit, a in zip(fits, amounts, strict=True) if which(_term(fit))]
+    return tuple(
+        sum((term.columns_on(view, shape) @ a for term, shape, a in parts), np.zeros(len(view.speed)))
+        for view in views_of(signals)
+    )
 
 
 def _term(fit: TermFit) -> MotionTerm:

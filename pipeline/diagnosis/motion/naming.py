@@ -21,7 +21,7 @@ from pmg.pipeline.diagnosis.motion.catalogue import (
     without_opposed,
 )
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
-from pmg.pipeline.diagnosis.motion.fitted import fit_beside
+from pmg.pipeline.diagnosis.motion.fitted import amounts_of, fit_beside
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
@@ -69,8 +69,8 @@ def name_causes(
     -----
     The constants alone take up a part of a large cause, and rows that are straight about those constants show the rest
     as something else: a long delay as a lag, because a skew took up the first of it. Beside what leads they are nearer,
-    and where others lead then, nearer beside those. Where the leaders do not settle, or one no longer explains what the
-    one before did, that is told which leaves least of the rows about it; a leader whose time alone still moves stays.
+    and where others lead then, nearer beside those. If the leaders do not settle, or the next one does not explain the
+    difference and the one before did, the one that leaves the least is given. A leader stays if only its time moves.
     Before, a lag and a delay together come nearer to a long one than either.
     """
     steps.begin(SEARCH_STEPS[0])
@@ -82,13 +82,13 @@ def name_causes(
             steps.begin(SEARCH_STEPS[1])
         best = naming.best
         about = _beside_whole(replace(before, values=about.values), noise, best.fits)
-        told = found, meant, naming
+        search = found, meant, naming
         found = motion_evidence(about, noise, library(), rng)
         meant = without_opposed(found)
         naming = _searched(meant, MotionCatalogue())
-        led.append((_left_by(best.fits, found), told))
+        led.append((_left_by(best.fits, found), search))
         settled = not _elsewhere(best.fits, naming.best.fits)
-        if led[:-1] and told[-1].explained and not naming.explained:
+        if led[:-1] and search[-1].explained and not naming.explained:
             break
     if naming.best.fits and not (settled or (naming.explained and _same(best.fits, naming.best.fits))):
         _, (found, meant, naming) = min(led, key=lambda each: each[0])
@@ -99,14 +99,12 @@ def name_causes(
 
 def _beside_whole(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit, ...]) -> MotionBaseline:
     """The constants beside mechanisms; the time of a delay or lag follows its amplitude, which is 1 where it fits."""
-    about, _ = fit_beside(start, noise, fits)
-    for _ in range(FOLLOWED):
-        amounts = iter(np.split(about.amounts, np.cumsum([len(fit.amplitudes) for fit in fits])[:-1]))
-        moved = tuple(_followed(fit, float(next(amounts)[0])) for fit in fits)
+    for _ in range(1 + FOLLOWED):
+        about, _ = fit_beside(start, noise, fits)
+        moved = tuple(_followed(fit, float(a[0])) for fit, a in zip(fits, amounts_of(about, fits), strict=True))
         if all(one.shape == other.shape or math.isnan(one.shape) for one, other in zip(fits, moved, strict=True)):
             break
-        fits = moved
-        about, _ = fit_beside(replace(start, values=about.values), noise, fits)
+        fits, start = moved, replace(start, values=about.values)
     return about
 
 

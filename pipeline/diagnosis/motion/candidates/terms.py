@@ -40,7 +40,7 @@ class MotionTerm(Term[RotorView]):
         Of a fault of a transducer: what its column holds of the noise in the own reading and in the other's, by the
         rate of change of a wave (f,) and the shape.
     lag_order : int
-        Of how many lags it is made, one after the other, the shape being the time of all; 0 where it is none.
+        Number of equal first-order lags in series, the shape being the time of all; 0 for any other mechanism.
     follows : tuple of LawCovariate
         Quantities along which its law may be another one.
     holds : tuple of str
