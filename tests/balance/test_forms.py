@@ -1,4 +1,4 @@
-"""Forms of the library on a slide made here: a bell, what settles, a mass on a spring, a drive at its limit.
+"""Forms of the library on a slide made here: a bell, what settles, a mass on a spring, a gap, a drive at its limit.
 
 What is concealed has other forms than the library, or comes from an integration of its own.
 """
@@ -41,6 +41,28 @@ def carried(m: Moving) -> Array:
     return found
 
 
+GAP, LOAD, LOAD_FRICTION = 2e-3, 2.0, 20.0
+
+
+def behind_gap(m: Moving) -> Array:
+    """What a load with dry friction takes behind a gap with stiff and lossy ends, in small steps of its own."""
+    steps = 40
+    fine = np.arange(len(m.t) * steps) / (RATE * steps)
+    stiff, loss, h = 4e6, 1700.0, fine[1]
+    x, v, found = m.q[0], m.v[0], np.zeros(len(fine))
+    near = np.stack([np.interp(fine, m.t, m.q), np.interp(fine, m.t, m.v)], 1).tolist()
+    for i, (foot, speed) in enumerate(near):
+        apart = foot - x
+        pressed = apart - min(max(apart, -0.5 * GAP), 0.5 * GAP)
+        push = stiff * pressed + loss * (speed - v) if pressed else 0.0
+        push = push if push * pressed > 0.0 else 0.0  # it does not pull
+        moved = v + h * push / LOAD
+        v = max(abs(moved) - h * LOAD_FRICTION / LOAD, 0.0) * (1.0 if moved > 0.0 else -1.0)
+        x += h * v
+        found[i] = push
+    return np.asarray(dry(m) + found.reshape(-1, steps).mean(axis=1))
+
+
 def thinned(m: Moving) -> Array:
     """Viscous friction that falls by a hyperbola of time."""
     return dry(m) - 150.0 * m.v * 0.5 * m.t / (m.t + 2.0)
@@ -74,6 +96,14 @@ def test_a_mass_on_a_spring_is_found_with_its_frequency(tmp_path: Path) -> None:
     (fit,) = found.steps[-1].fitted.fits
     assert fit.shape == pytest.approx(HERTZ, rel=0.03)
     assert float(fit.amplitudes[0]) == pytest.approx(FAR, rel=0.15)
+
+
+def test_a_load_behind_a_gap_is_backlash(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, behind_gap, terms=DRY)
+    assert (found.verdict, named(found)) == (Verdict.NAMED, {"backlash"})
+    (fit,) = found.steps[-1].fitted.fits
+    assert float(fit.amplitudes[0]) == pytest.approx(LOAD_FRICTION, rel=0.15)
+    assert fit.shape == pytest.approx(GAP, rel=0.3)
 
 
 def test_a_drive_at_its_limit_is_found(tmp_path: Path) -> None:

@@ -37,11 +37,19 @@ SPEED_TEST = "Run at eight or more constant speeds in both directions, in random
 WIDEST_BELL = 0.5
 """Width of a bell over speed, over the largest of an exponential: a wider one is level where a machine is slow, as dry
 friction is."""
+GAP_EDGE = 8
+"""Power by which the end of a gap falls off: steep, and smooth enough for its place to have an uncertainty."""
+GAP_TEST = "Hold the load and turn the motor gently back and forth: what it moves without effort is the gap"
 REPEAT_TEST = "Repeat the record after a rest and after a long run"
 
 
 def _periodic(m: Motion, period: float) -> Array:
     return waves_of(m, REVOLUTION * m.position / period)
+
+
+def _across_gap(m: Motion, gap: float) -> Array:
+    """What a load takes that a machine leaves behind while it crosses a gap (n, 2): its friction, and its inertia."""
+    return -stack(m.sense, m.acceleration) * np.exp(-((m.travel / gap) ** GAP_EDGE))[:, None]
 
 
 def _ripple(axis: Axis) -> tuple[Quantity, Quantity]:
@@ -126,8 +134,8 @@ def _stribeck_terms(axis: Axis) -> Iterator[Term[Motion]]:
     )
 
 
-def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
-    """Friction that changes with the way since a reversal, with load, a power of speed, or time."""
+def _terms_of_reversal(axis: Axis) -> Iterator[Term[Motion]]:
+    """Friction that rises over a way, and a load that is picked up after one."""
     yield Term(
         "presliding",
         "Friction that rises over a way after reversal (Dahl)",
@@ -138,6 +146,21 @@ def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
         shape=Quantity("x0", axis.length, axis.presliding),
         separating_test="Reverse slowly over strokes shorter and longer than the length of rise",
     )
+    yield Term(
+        "backlash",
+        "Backlash: after a reversal the load is not moved before the gap is crossed",
+        "-(Fl sign(v) + m a) exp(-(travel/b)8)",
+        (*amount("Fl", axis.push, 1e4), *amount("m", axis.mass, 1e4)),
+        _across_gap,
+        BALANCE,
+        shape=Quantity("b", axis.length, axis.presliding),
+        separating_test=GAP_TEST,
+        of_parts=True,
+    )
+
+
+def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
+    """Friction that changes with load, a power of speed, or time."""
     yield Term(
         "load_dependent_friction",
         f"Friction that grows with the {axis.pushes} of acceleration",
@@ -231,8 +254,8 @@ def _placed_terms(axis: Axis) -> Iterator[Term[Motion]]:
 
 def _drive_terms(axis: Axis) -> tuple[Term[Motion], ...]:
     """Every term of a drive, in the units of its axis."""
-    plain = (*_plain_terms(axis), *_stribeck_terms(axis), *_curved_terms(axis), *_placed_terms(axis))
-    return (*plain, *elastic_terms(axis), *drift(axis), *chain_terms(axis), *drive_faults(axis))
+    plain = (*_plain_terms(axis), *_stribeck_terms(axis), *_terms_of_reversal(axis), *_curved_terms(axis))
+    return (*plain, *_placed_terms(axis), *elastic_terms(axis), *drift(axis), *chain_terms(axis), *drive_faults(axis))
 
 
 DRIVE, ROTARY_DRIVE = _drive_terms(LINEAR), _drive_terms(ROTARY)
