@@ -42,10 +42,11 @@ def carried(m: Moving) -> Array:
 
 
 GAP, LOAD, LOAD_FRICTION = 2e-3, 2.0, 20.0
+"""Width of a gap [m], mass [kg] and dry friction [N] of the load behind it."""
 
 
 def behind_gap(m: Moving) -> Array:
-    """What a load with dry friction takes behind a gap with stiff and lossy ends, in small steps of its own."""
+    """A load with dry friction behind a gap: contact by a stiff spring and a damper, integrated in small steps [N]."""
     steps = 40
     fine = np.arange(len(m.t) * steps) / (RATE * steps)
     stiff, loss, h = 4e6, 1700.0, fine[1]

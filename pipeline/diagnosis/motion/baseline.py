@@ -58,7 +58,7 @@ class MotionBaseline:
     lags : tuple of Lag
         Transducers that lag.
     of_noise : tuple of (n,) array
-        What the lags change in the torque due to noise of the angles [N m]: `beside` is made of signals without noise.
+        Noise of the angles in the torque of the lags [N m]; `beside` is calculated from signals without noise.
     """
 
     sheet: DataSheet

@@ -187,7 +187,7 @@ def _held(sheet: DataSheet, names: tuple[str, ...]) -> DataSheet:
 
 
 def _apart(start: MotionBaseline, fits: tuple[TermFit, ...]) -> MotionBaseline:
-    """A start with the skew of a faulty transducer as in its data sheet, so that skew and fault are told apart.
+    """Baseline to start from, a faulty transducer's skew set to its data sheet, so that the fit can separate the two.
 
     Beside a delay or a lag the skew is held there: it multiplies the slope of the measured torque and of its noise, and
     together with a longer lag it would fit better than the true lag alone.
@@ -227,7 +227,7 @@ class _Heard:
 
 
 def amounts_of(found: MotionBaseline, fits: tuple[TermFit, ...]) -> list[Array]:
-    """Fitted amplitudes of each mechanism beside the constants, (a,) each."""
+    """Fitted amplitudes (a,) of each mechanism."""
     return np.split(found.amounts, np.cumsum([len(fit.amplitudes) for fit in fits])[:-1])
 
 

@@ -68,9 +68,10 @@ def name_causes(
     Notes
     -----
     The constants alone take up a part of a large cause, and rows that are straight about those constants show the rest
-    as something else: a long delay as a lag, because a skew took up the first of it. Beside what leads they are nearer,
-    and where others lead then, nearer beside those. If the leaders do not settle, or the next one does not explain the
-    difference and the one before did, the one that leaves the least is given. A leader stays if only its time moves.
+    as something else: a long delay as a lag, because a skew took up the first of it. The rows are therefore made
+    anew beside the leading causes, until the same causes lead. If that does not settle, or new leaders do not explain
+    the difference that earlier ones explained, those with the smallest residual are given. A leader stays if only its
+    time moves.
     Before, a lag and a delay together come nearer to a long one than either.
     """
     steps.begin(SEARCH_STEPS[0])

@@ -48,7 +48,7 @@ def _periodic(m: Motion, period: float) -> Array:
 
 
 def _across_gap(m: Motion, gap: float) -> Array:
-    """What a load takes that a machine leaves behind while it crosses a gap (n, 2): its friction, and its inertia."""
+    """Force missing while a gap is crossed (n, 2): of the load's friction and of its inertia, per unit of each."""
     return -stack(m.sense, m.acceleration) * np.exp(-((m.travel / gap) ** GAP_EDGE))[:, None]
 
 
@@ -135,7 +135,7 @@ def _stribeck_terms(axis: Axis) -> Iterator[Term[Motion]]:
 
 
 def _terms_of_reversal(axis: Axis) -> Iterator[Term[Motion]]:
-    """Friction that rises over a way, and a load that is picked up after one."""
+    """What happens after a reversal: friction rises over a way, or a gap is crossed."""
     yield Term(
         "presliding",
         "Friction that rises over a way after reversal (Dahl)",
@@ -148,7 +148,7 @@ def _terms_of_reversal(axis: Axis) -> Iterator[Term[Motion]]:
     )
     yield Term(
         "backlash",
-        "Backlash: after a reversal the load is not moved before the gap is crossed",
+        "Backlash (after a reversal a gap is crossed before the load moves)",
         "-(Fl sign(v) + m a) exp(-(travel/b)8)",
         (*amount("Fl", axis.push, 1e4), *amount("m", axis.mass, 1e4)),
         _across_gap,
