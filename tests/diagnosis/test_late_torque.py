@@ -31,7 +31,7 @@ from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
 from pmg.pipeline.diagnosis.motion.fitted_size import fitted_size
 from pmg.pipeline.diagnosis.motion.naming import _elsewhere
-from pmg.pipeline.diagnosis.motion.noise import RowNoise
+from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise, SlowNoise
 from pmg.pipeline.diagnosis.motion.view import RotorView
 from pmg.pipeline.files.progress import Steps
 from pmg.pipeline.motion.banded import BandedFactor
@@ -312,7 +312,16 @@ def test_rows_weighted_before_they_are_whitened_give_the_same_products(n: int, c
     slow = np.linalg.qr(rng.standard_normal((n, min(n, 4))))[0]
     band = np.stack([np.full(n, 1.5), np.full(n, 0.6)])
     shrunk = np.asarray(rng.uniform(0.0, 1.0, slow.shape[1]))
-    noise = RowNoise(BandedFactor.of(cholesky_banded(band, lower=True)), slow, shrunk, band[:, 0])
+    noise = RowNoise(
+        BandedFactor.of(cholesky_banded(band, lower=True)),
+        slow,
+        shrunk,
+        band[:, 0],
+        "sun",
+        SlowNoise(),
+        np.zeros(0),
+        slow[:, :0],
+    )
     one, other = rng.standard_normal((2, n, count))
     np.testing.assert_allclose(noise.adjoint(one).T @ other, one.T @ noise.white(other), atol=1e-9)
 

@@ -29,9 +29,10 @@ from pmg.pipeline.diagnosis.motion.compressed import Family
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, MotionPlace, diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
-from pmg.pipeline.diagnosis.motion.fitted import fit_beside
+from pmg.pipeline.diagnosis.motion.fitted import fit_constants
 from pmg.pipeline.diagnosis.motion.free_form import MIXED, bent_columns
-from pmg.pipeline.diagnosis.motion.noise import SlowNoise, row_noise, slow_noise_of
+from pmg.pipeline.diagnosis.motion.noise.row_noise import SlowNoise, row_noise
+from pmg.pipeline.diagnosis.motion.noise.wander import Wander
 from pmg.pipeline.diagnosis.motion.places import where_to_look
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.statement import largest_place, phrase
@@ -43,7 +44,7 @@ from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError
 from pmg.sim.grid import Configuration
-from pmg.sim.shafts import PerShaft
+from pmg.sim.shafts import PerShaft, per_shaft
 from pmg.sim.signals import Array
 
 RATE = 1000.0
@@ -142,7 +143,7 @@ def test_rows_are_white_once_whitened() -> None:
     stretch = baseline.stretches[0]
     noise = np.random.default_rng(5).standard_normal((200, len(stretch.run.run.torque.sun))) * 0.012
     rows = np.stack([runs[0].rows(smooth_of(stretch.run.run, each)) for each in noise[:40]])
-    white = row_noise(baseline, 0, SlowNoise(1e-9, 3.0)).white(rows.T - rows.mean(axis=1))
+    white = row_noise(baseline, 0, SlowNoise(per_shaft(lambda _: Wander.of(1e-9)))).white(rows.T - rows.mean(axis=1))
     assert 0.75 < white.std() < 1.1  # less than 1 where the filter leaves nothing: the floor stands there
     slow = white[: 15 * 20].reshape(15, 20, -1).sum(axis=1)
     assert 0.75 < float(np.mean(slow**2)) / 20.0 < 1.15  # and what it adds makes the rest a little too wide
@@ -235,24 +236,27 @@ def _with_torque(run: MovingRun, more: np.ndarray) -> MovingRun:
     return MovingRun(**{**vars(run), "torque": PerShaft(run.torque.sun + more, run.torque.ring)})
 
 
-@pytest.mark.parametrize(("time", "rest"), [(1.0, 0), (4.0, 0), (2.0, 12000)])
+@pytest.mark.parametrize(("time", "rest"), [(1.0, 0), (5.0, 0), (2.0, 12000), (60.0, 0)])
 def test_the_wander_and_the_ripple_of_a_campaign_are_found(time: float, rest: int) -> None:
-    """Its size, time and ripple; where a shaft stands for half of each run, too."""
-    rng, size, ripple = np.random.default_rng(6), 4e-3, 6e-3
-    kept = float(np.exp(-1.0 / RATE / time))
-    runs = []
+    """Its size over an instant and in a mean over 20 s, and ripple; where a shaft stands for half of each run, too.
+
+    Runs are 60 s apart, and the wander goes on between them.
+    """
+    rng, size, ripple, twenty = np.random.default_rng(6), 4e-3, 6e-3, np.arange(20.0)
+    kept, runs, last = float(np.exp(-1.0 / RATE / time)), [], float(rng.standard_normal())
     for number in range(16):
         run = _run(number, Manoeuvre.RAMP, np.r_[_ramp(120.0, 24.0), np.zeros(rest)], rng)
-        n = len(run.torque.sun)
-        start = kept * rng.standard_normal()
-        wander, _ = lfilter([1.0], [1.0, -kept], np.sqrt(1.0 - kept**2) * rng.standard_normal(n), zi=[start])
-        runs.append(_with_torque(run, size * wander + ripple * np.sin(run.angle.sun + rng.uniform(0.0, 6.3))))
-    start_at = start_baseline(sheet_of(load_bench(), 1, ()), stretches_of(tuple(map(smooth, runs))))
-    noise = [row_noise(start_at, place) for place in range(len(start_at.stretches))]
-    fitted = fit_beside(start_at, noise, ())[0]
-    found = slow_noise_of(fitted.stretches, noise, [fitted.left(k) for k in range(len(fitted.stretches))])
-    assert 0.7 * size < found.wander < 1.4 * size
-    assert 0.4 * time < found.time < 2.5 * time
+        steps = np.sqrt(1.0 - kept**2) * rng.standard_normal(60000)
+        wander, _ = lfilter([1.0], [1.0, -kept], steps, zi=[kept * last])
+        last = float(wander[-1])
+        shown = size * wander[: len(run.torque.sun)] + ripple * np.sin(run.angle.sun + rng.uniform(0.0, 6.3))
+        runs.append(_with_torque(run, shown))
+    _, _, noise = fit_constants(tuple(runs), load_bench())
+    found = noise[0].slow_noise
+    assert 0.6 * size < found.wander.sun.size < 1.6 * size
+    planted = Wander(size**2 * np.array([[1.0]]), np.ones(1), (time,))
+    means = [float(np.sqrt(wander.covariance(twenty).mean())) for wander in (found.wander.sun, planted)]
+    assert 0.5 * means[1] < means[0] < 1.6 * means[1]
     assert 0.5 * ripple < np.sqrt(2.0) * found.ripple[0] < 1.5 * ripple
     assert found.ripple[1] < 0.2 * ripple
 

@@ -15,7 +15,7 @@ from pmg.pipeline.diagnosis.motion import baseline as baseline_room
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, _linearised, fit_baseline, start_baseline
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
-from pmg.pipeline.diagnosis.motion.noise import row_noise
+from pmg.pipeline.diagnosis.motion.noise.row_noise import row_noise
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.motion.lag import Lag

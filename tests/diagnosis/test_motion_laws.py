@@ -21,14 +21,13 @@ from pmg.pipeline.diagnosis.engine.adequacy import Remainder
 from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, probabilities
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
-from pmg.pipeline.diagnosis.motion import fitted
 from pmg.pipeline.diagnosis.motion.candidates.coupling_terms import _crossing
 from pmg.pipeline.diagnosis.motion.candidates.reading_terms import _unheld
 from pmg.pipeline.diagnosis.motion.candidates.terms import signed, stack, term
 from pmg.pipeline.diagnosis.motion.constants import FORM_SPEEDS, sheet_of
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
+from pmg.pipeline.diagnosis.motion.fitted import fit_constants
 from pmg.pipeline.diagnosis.motion.loss_curve import BETWEEN, loss_curve
-from pmg.pipeline.diagnosis.motion.noise import SlowNoise, slow_noise_of
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
 from pmg.pipeline.diagnosis.motion.view import EVERY, RotorView, lagging, stopping, waves_of
 from pmg.pipeline.motion.run import MovingRun
@@ -101,16 +100,8 @@ def test_a_zero_that_drifts_over_a_campaign_is_no_wander() -> None:
         runs = tuple(
             _with_torque(run, np.full(len(run.torque.sun), drift * k / 5.0)) for k, run in enumerate(_campaign(31))
         )
-        found: list[SlowNoise] = []
-
-        def kept(*given: Any, into: list[SlowNoise] = found) -> SlowNoise:  # noqa: ANN401 - as the function has them
-            into.append(slow_noise_of(*given))
-            return into[-1]
-
-        with pytest.MonkeyPatch.context() as patched:
-            patched.setattr(fitted, "slow_noise_of", kept)
-            fitted.fit_constants(runs, load_bench())
-        wanders.append(found[0].wander)
+        _, _, noise = fit_constants(runs, load_bench())
+        wanders.append(noise[0].slow_noise.wander.sun.size)
     assert wanders[1] < 1.5 * wanders[0]
 
 

@@ -25,7 +25,7 @@ from pmg.pipeline.diagnosis.motion.design.unseen import smallest_told, unseen
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence, motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import fit_constants
-from pmg.pipeline.diagnosis.motion.noise import SlowNoise
+from pmg.pipeline.diagnosis.motion.noise.row_noise import SlowNoise
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.bench import load_bench
 from pmg.sim.grid import Configuration
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
 
 TIME = np.arange(0.0, 30.0, 1.0 / 250.0)
-SLOW_NOISE = SlowNoise(wander=1e-3, time=5.0, ripple=(1e-3, 1e-3))
+SLOW_NOISE = SlowNoise(ripple=(1e-3, 1e-3))
 
 
 def test_a_reference_is_told_as_it_is_set_on_a_bench() -> None:

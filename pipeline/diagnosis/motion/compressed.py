@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
-    from pmg.pipeline.diagnosis.motion.noise import RowNoise
+    from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array
 
@@ -50,7 +50,8 @@ class Family:
 class Compressed:
     """One stretch in the coordinates of its columns: rows, constants, structures, and candidates by key.
 
-    `row_weights` (n, k) give the coordinates of rows that are not whitened: their products with them.
+    `row_weights` (n, k) give the coordinates of rows that are not whitened: their products with them; `of_wander`
+    (k, q) are the coordinates of the wander at each of its knots.
     """
 
     y: Array
@@ -59,6 +60,7 @@ class Compressed:
     structures: dict[Family, Array]
     candidates: dict[str, Array]
     row_weights: Array
+    of_wander: Array
     unexplained: float
 
 
@@ -103,7 +105,8 @@ def compress(
         split[0],
         dict(zip(looked, split[1 : 1 + len(looked)], strict=True)),
         dict(zip(tried, split[1 + len(looked) :], strict=True)),
-        noise.adjoint(basis),
+        (weights := noise.adjoint(basis)),
+        weights.T @ noise.lines,
         float(rest @ rest) / max(len(left) - basis.shape[1], 1),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
@@ -18,7 +19,7 @@ from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, columns_bes
 from pmg.pipeline.diagnosis.motion.design.next_runs import runs_to_see, runs_to_tell
 from pmg.pipeline.diagnosis.motion.design.unseen import unseen
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
-from pmg.pipeline.diagnosis.motion.fitted import fit_constants, slow_noise_beside_drift
+from pmg.pipeline.diagnosis.motion.fitted import fit_constants
 from pmg.pipeline.diagnosis.motion.fitted_size import error_of_law, fitted_size
 from pmg.pipeline.diagnosis.motion.naming import SEARCH_STEPS, name_causes
 from pmg.pipeline.diagnosis.motion.withheld import WithheldRuns, by_kind, by_run
@@ -156,9 +157,9 @@ def diagnose_motion(
     constants, errors, sizes, size_errors, fitted_sizes = together or alone
     next_runs: tuple[NextRun, ...] = ()
     if conclusion.verdict is Verdict.CONFOUNDED:
-        next_runs = runs_to_see(found, blind, slow_noise_beside_drift(before, noise))
+        next_runs = runs_to_see(found, blind, noise[0].slow_noise)
     elif conclusion.verdict is Verdict.AMBIGUOUS or "either" in _shafts(conclusion):
-        next_runs = runs_to_tell(found, cast("TermNaming", conclusion.naming), slow_noise_beside_drift(before, noise))
+        next_runs = runs_to_tell(found, cast("TermNaming", conclusion.naming), noise[0].slow_noise)
     return MotionDiagnosis(
         verdict=conclusion.verdict,
         naming=conclusion.naming,
@@ -237,20 +238,21 @@ def _together(
     length[length == 0.0] = 1.0
     inverse = np.linalg.pinv(columns / length, rcond=1e-9) / length[:, None]
     moved = inverse @ (found.y - effect)
-    errors = np.linalg.norm(inverse, axis=1)
+    covariance = found.covariance_of(inverse)
+    errors = np.sqrt(np.diag(covariance))
     ends = np.cumsum([found.columns.shape[1], *(s.shape[1] for s in slopes)])
     values = [np.r_[fit.amplitudes, [fit.shape] if fit.candidate.shape is not None else []] for fit in fits]
     sizes = [v + f * m for v, f, m in zip(values, free, np.split(moved, ends)[1:], strict=False)]
-    of_fits = np.split(inverse, ends)[1 : 1 + len(fits)]
+    of_fits = [covariance[a:b, a:b] for a, b in itertools.pairwise(ends)]
     wholes = tuple(
         fitted_size(
             fit,
             value,
-            part @ part.T,
+            of_fit,
             found.baseline.sheet.poles,
             error_of_law(found.problem, fits, place),
         )
-        for place, (fit, value, part) in enumerate(zip(fits, sizes, of_fits, strict=True))
+        for place, (fit, value, of_fit) in enumerate(zip(fits, sizes, of_fits, strict=True))
     )
     return (
         found.baseline.values + moved[: ends[0]],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,7 +13,7 @@ from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermProblem
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
 from pmg.pipeline.diagnosis.engine.problem import freed
-from pmg.pipeline.diagnosis.motion.compressed import Family, compress, shapes_of
+from pmg.pipeline.diagnosis.motion.compressed import Compressed, Family, compress, shapes_of
 from pmg.pipeline.diagnosis.motion.constants import (
     MAP_WAVES,
     RIPPLE,
@@ -24,7 +23,8 @@ from pmg.pipeline.diagnosis.motion.constants import (
     map_name,
     ripple_names,
 )
-from pmg.pipeline.diagnosis.motion.families import spans_of
+from pmg.pipeline.diagnosis.motion.families import spans_by_kind
+from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, wander_at_knots
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.motion.smooth import BAND
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
-    from pmg.pipeline.diagnosis.motion.noise import RowNoise
+    from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise
     from pmg.sim.signals import Array, Mask
 
 OFF_SHEET = "data sheet"
@@ -90,6 +90,10 @@ class MotionEvidence:
     scatter : float
         Standard deviation of the rows about everything that is looked for, in units of the noise that sensors make;
         1 at least. Rows are in units of it.
+    noise : tuple of RowNoise
+        Of each stretch.
+    of_wander : tuple of (r, q) array
+        What the rows of each stretch show of the wander at its knots.
     unexplained : (s,) array
         Mean square of what no column of a stretch follows, in noise variances: 1 where the noise is what it was
         thought to be.
@@ -103,12 +107,22 @@ class MotionEvidence:
     columns: Array
     y: Array
     scatter: float
+    noise: tuple[RowNoise, ...]
+    of_wander: tuple[Array, ...]
     unexplained: Array
 
     @property
     def of_sheet(self) -> Mask:
         """Rows of the data sheet."""
         return np.asarray(self.block == len(self.baseline.stretches))
+
+    def covariance_of(self, weights: Array) -> Array:
+        """Covariance (p, p) of p numbers that are sums of the rows with `weights` (p, m).
+
+        Rows of one run are white; those of different ones are not, as the wander of a reading goes on.
+        """
+        seen = [weights[:, self.block == place] @ shown for place, shown in enumerate(self.of_wander)]
+        return np.asarray(weights @ weights.T + between_runs(self.noise, seen))
 
     def torque_of(self, family: Family, seen: Array) -> float:
         """Root mean square [N m] of a structure, whitened (m,), over the stretches that a family may follow."""
@@ -125,8 +139,7 @@ def motion_evidence(
 ) -> MotionEvidence:
     """The evidence of a campaign about a fitted baseline, with the terms that may be named."""
     views = views_of(baseline.clean)
-    kinds = itertools.product(SIDES, (False, True))
-    spans = {kind: spans_of([view for view in views if (view.side, view.coupled) == kind]) for kind in kinds}
+    spans = spans_by_kind(views)
     parts = [
         compress(baseline, place, noise[place], view, terms, spans[view.side, view.coupled])
         for place, view in enumerate(views)
@@ -171,9 +184,24 @@ def motion_evidence(
         return unit[:, None] * stacked(of_part, len(term.amplitudes))
 
     problem = TermProblem(*freed(columns, y), _remembered(worked_out, tables), tables, ABSORBED_BY_SHEET)
-    draws, unexplained = rng.standard_normal((len(y), DRAWS)), np.array([part.unexplained for part in parts])
+    draws = np.vstack([_null(parts, tuple(noise), rng), rng.standard_normal((len(known), DRAWS))])
+    unexplained = np.array([part.unexplained for part in parts])
     evidence = Evidence(problem.left, problem.baseline, found, (np.ones(len(y), dtype=np.bool_),), draws)
-    return MotionEvidence(evidence, problem, families, block, baseline, columns, y, scatter, unexplained)
+    of_wander = tuple(part.of_wander for part in parts)
+    return MotionEvidence(
+        evidence, problem, families, block, baseline, columns, y, scatter, tuple(noise), of_wander, unexplained
+    )
+
+
+def _null(parts: list[Compressed], noise: tuple[RowNoise, ...], rng: np.random.Generator) -> Array:
+    """Synthetic noise of the rows (m, draws): of unit size and white within a run, its wander going on to the next."""
+    found = []
+    for part, each, wander in zip(parts, noise, wander_at_knots(noise, rng, DRAWS), strict=True):
+        of_wander = part.of_wander @ each.wander.covariance(each.knots) @ part.of_wander.T
+        squares, vectors = np.linalg.eigh(np.eye(len(part.y)) - of_wander)
+        rest = vectors @ (np.sqrt(np.maximum(squares, 0.0))[:, None] * rng.standard_normal((len(part.y), DRAWS)))
+        found.append(part.of_wander @ wander + rest)
+    return np.vstack(found)
 
 
 def _remembered(

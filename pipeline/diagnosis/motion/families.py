@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS, POLE_ORDERS
 from pmg.pipeline.diagnosis.motion.view import waves_of
 from pmg.pipeline.motion.smooth import derivative
-from pmg.sim.shafts import other_side
+from pmg.sim.shafts import SIDES, other_side
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.view import RotorView
@@ -20,6 +21,12 @@ SLOWED = 51
 
 PASSING_TORQUES = (0.03, 0.15)
 """Torques [N m] over which a rotor may change sides in its coupling."""
+
+SLOW = (
+    *("speed", "acceleration", "direction", "time in the run", "travel since reversal"),
+    *("pole angle", "load and speed"),
+)
+"""What a missing torque may follow that changes no sooner than a wander, and does not hold it as the torque does."""
 
 CURVE_KNOTS = 7
 """Knots of a curve over a covariate."""
@@ -55,6 +62,27 @@ def structures(view: RotorView, spans: dict[str, float]) -> dict[str, Array]:
     return found
 
 
+def spans_by_kind(views: list[RotorView]) -> dict[tuple[str, bool], dict[str, float]]:
+    """Largest size of each covariate over the views of each shaft, in neutral and engaged."""
+    kinds = itertools.product(SIDES, (False, True))
+    return {kind: _spans_of([view for view in views if (view.side, view.coupled) == kind]) for kind in kinds}
+
+
+def slow_structures(views: list[RotorView]) -> list[Array]:
+    """Columns (n, k) at the fine samples of each view of all that changes slowly, in neutral and then engaged."""
+    spans, found, width = spans_by_kind(views), [], {False: 0, True: 0}
+    for view in views:
+        looked = structures(view, spans[view.side, view.coupled])
+        found.append(np.hstack([np.zeros((len(view.speed), 0)), *(looked[name] for name in SLOW if name in looked)]))
+        width[view.coupled] = max(width[view.coupled], found[-1].shape[1])
+    blocks = []
+    for view, columns in zip(views, found, strict=True):
+        both = [np.zeros((len(view.speed), width[kind])) for kind in (False, True)]
+        both[view.coupled][:, : columns.shape[1]] = columns
+        blocks.append(np.hstack(both))
+    return blocks
+
+
 def _play(view: RotorView) -> Array:
     """Acceleration of a rotor that changes sides with the sign of its torque, sharply and gently (n, 2)."""
     rate, torque = view.state.stretch.run.fine_rate, _slowed(view.shaft.torque)
@@ -70,7 +98,7 @@ def _travel(view: RotorView) -> Array:
     return np.asarray(path - np.maximum.accumulate(np.where(turned, path, 0.0)))
 
 
-def spans_of(views: list[RotorView]) -> dict[str, float]:
+def _spans_of(views: list[RotorView]) -> dict[str, float]:
     """Largest size of each covariate over the views of one kind."""
     moving = [view for view in views if not view.at_rest]
     return {

@@ -10,7 +10,9 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline, start_baseline
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
-from pmg.pipeline.diagnosis.motion.noise import OF_TIME, row_noise, slow_noise_of
+from pmg.pipeline.diagnosis.motion.families import slow_structures
+from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise
+from pmg.pipeline.diagnosis.motion.noise.shown import slow_noise_of
 from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
-    from pmg.pipeline.diagnosis.motion.noise import RowNoise, SlowNoise
+    from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise, SlowNoise
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.pipeline.motion.run import MovingRun
@@ -43,6 +45,9 @@ STIFFER = 0.02
 """Part by which the damping of a coupling may make it stiffer in the band: the square of damping times frequency over
 stiffness, which at 20 Hz is 0.15 squared for 3 N m s/rad on 2500 N m/rad."""
 
+OF_TIME = 3
+"""Degree of the curve of time that the zero of a transducer may follow over a campaign."""
+
 HELD = 1e-3
 """Factor on the standard uncertainty of what is held."""
 
@@ -55,20 +60,31 @@ def fit_constants(
 ) -> tuple[MotionBaseline, Array, list[RowNoise]]:
     """The baseline of some runs, the covariance (k, k) of its constants, and the noise of each stretch.
 
-    Wander and ripple are what the residuals of a first fit show, beside zeros that follow a smooth curve of time: what
-    moves over the campaign is no wander, and is not to be taken for one because constants took up a part of it.
+    Wander and ripple are what the residuals of a first fit show beside all that may explain them, zeros that follow a
+    smooth curve of time among it: what moves over the campaign is no wander, and is not to be taken for one because
+    constants took up a part of it.
     """
     start = _start(runs, bench, known or {})
     noise = [row_noise(start, place) for place in range(len(start.stretches))]
     rough, _ = fit_beside(start, noise, ())
-    slow_noise = slow_noise_beside_drift(rough, noise)
+    slow_noise = _slow_noise(rough, noise)
     noise = [row_noise(rough, place, slow_noise) for place in range(len(start.stretches))]
     before, covariance = fit_beside(rough, noise, ())
     doubted = _with_denser_torque(before, noise) - before.values
     stiffer = np.zeros(len(before.sheet))
     for at in (before.sheet.at(f"compliance_{side}") for side in SIDES):
         stiffer[at] = STIFFER * before.values[at]
+    covariance = covariance + _of_wander_between_runs(before, covariance, noise)
     return before, covariance + np.outer(doubted, doubted) + np.diag(stiffer**2), noise
+
+
+def _of_wander_between_runs(fitted: MotionBaseline, covariance: Array, noise: list[RowNoise]) -> Array:
+    """Covariance (k, k) of the constants beyond that of the fit, for which each run wanders by itself."""
+    seen = []
+    for place, each in enumerate(noise):
+        columns = each.white(fitted.clean.columns(place))
+        seen.append(covariance @ columns.T @ each.white(each.lines))
+    return between_runs(noise, seen)
 
 
 def _with_denser_torque(fitted: MotionBaseline, noise: list[RowNoise]) -> Array:
@@ -86,11 +102,14 @@ def _with_denser_torque(fitted: MotionBaseline, noise: list[RowNoise]) -> Array:
     return found.values
 
 
-def slow_noise_beside_drift(fitted: MotionBaseline, noise: list[RowNoise]) -> SlowNoise:
-    """The wander and the ripple of a fitted baseline once zeros may follow a smooth curve of time."""
-    beside_drift, _ = fit_baseline(fitted, _whitener(noise), _zeros_in_time)
-    left = [beside_drift.left(place) for place in range(len(beside_drift.stretches))]
-    return slow_noise_of(beside_drift.stretches, noise, left)
+def _slow_noise(fitted: MotionBaseline, noise: list[RowNoise]) -> SlowNoise:
+    """The wander and the ripple that a fitted baseline leaves beside its constants, drift and slow structures."""
+    explained = []
+    others = zip(_zeros_in_time(fitted.clean), slow_structures(views_of(fitted.clean)), strict=True)
+    for place, (stretch, of_stretch) in enumerate(zip(fitted.stretches, others, strict=True)):
+        explained.append(np.hstack([fitted.clean.columns(place), stretch.of_rows(np.hstack(of_stretch))]))
+    left = [fitted.left(place) for place in range(len(fitted.stretches))]
+    return slow_noise_of(fitted.stretches, noise, left, explained)
 
 
 def _start(

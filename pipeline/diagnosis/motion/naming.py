@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
-    from pmg.pipeline.diagnosis.motion.noise import RowNoise
+    from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise
     from pmg.pipeline.files.progress import Steps
 
 SEARCH_STEPS = "causes", "constants beside the first cause"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from pmg.pipeline.diagnosis.motion.catalogue import columns_beside
-from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_noise_of, slow_spread
+from pmg.pipeline.diagnosis.motion.noise.row_noise import slow_spread
 from pmg.pipeline.diagnosis.motion.view import views_of
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def constants_covariance(diagnosis: MotionDiagnosis) -> Array:
     length[length == 0.0] = 1.0
     inverse = np.linalg.pinv(columns / length, rcond=1e-9)[: found.columns.shape[1]]
     inverse /= length[: found.columns.shape[1], None]
-    return np.asarray(inverse @ inverse.T)
+    return found.covariance_of(inverse)
 
 
 def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> tuple[TorqueTrace, ...]:
@@ -148,12 +148,10 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
         sum((of[place] for fit, of in zip(fits, effects, strict=True) if not term_of(fit).constants), start=predicted)
         for place, predicted in enumerate(of_constants)
     ]
-    noise = [row_noise(diagnosis.evidence.baseline, place) for place in range(len(baseline.stretches))]
-    left = [stretch.torque - predicted for stretch, predicted in zip(baseline.stretches, after, strict=True)]
-    slow_noise, scatter = slow_noise_of(baseline.stretches, noise, left), diagnosis.evidence.scatter
+    noise, scatter = diagnosis.evidence.noise, diagnosis.evidence.scatter
     found = []
     for place, stretch in enumerate(baseline.stretches):
-        slow, band = slow_spread(stretch, slow_noise), scatter * noise[place].factor.band
+        slow, band = slow_spread(stretch, noise[place].slow_noise), scatter * noise[place].factor.band
         smooth, by_row = (_spread(stretch, band, slow, width) for width in (_width(stretch), 1))
         states = baseline.states[place], before.states[place]
         predicted = before.predicted(place), of_constants[place], after[place]

@@ -14,7 +14,7 @@ from pmg.pipeline.diagnosis.engine.separation import power_to_separate, squares_
 from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, form_margin
 from pmg.pipeline.diagnosis.motion.design.proposed_run import with_runs
 from pmg.pipeline.diagnosis.motion.design.unseen import TOLD, smallest_told, worth_knowing
-from pmg.pipeline.diagnosis.motion.noise import row_noise
+from pmg.pipeline.diagnosis.motion.noise.row_noise import row_noise
 from pmg.pipeline.diagnosis.motion.view import views_of
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.design.proposals import Proposal
     from pmg.pipeline.diagnosis.motion.design.unseen import Unseen
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
-    from pmg.pipeline.diagnosis.motion.noise import RowNoise, SlowNoise
+    from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise, SlowNoise
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array
 

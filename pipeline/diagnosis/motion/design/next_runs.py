@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.design.proposed_run import ProposedRun
     from pmg.pipeline.diagnosis.motion.design.unseen import Unseen
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
-    from pmg.pipeline.diagnosis.motion.noise import SlowNoise
+    from pmg.pipeline.diagnosis.motion.noise.row_noise import SlowNoise
 
 LEAST_POWER = 0.2
 """Power from which on runs are worth their time."""

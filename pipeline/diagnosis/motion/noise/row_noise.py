@@ -1,0 +1,198 @@
+"""Noise of the rows of a stretch: what filters leave of transducer and encoders, wander, ripple of a turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import cholesky_banded
+
+from pmg.pipeline.diagnosis.motion.constants import RIPPLE
+from pmg.pipeline.diagnosis.motion.noise.wander import Wander, covariance_between, draw_wander
+from pmg.pipeline.motion.banded import BandedFactor
+from pmg.pipeline.motion.smooth import row_weights
+from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
+    from pmg.pipeline.diagnosis.motion.rows import RotorRows
+    from pmg.sim.signals import Array
+
+LONGEST = 3.0
+"""Longest time from knot to knot of the straight lines that carry a wander [s]."""
+
+FLOOR = 0.1
+"""Part of the variance that is added to it alone, so that the whitening of a band-limited noise stays bounded."""
+
+
+@dataclass(frozen=True)
+class SlowNoise:
+    """Wander of the readings, and what their ripple of a turn differs between runs.
+
+    Parameters
+    ----------
+    wander : PerShaft of Wander
+        Of each transducer.
+    ripple : tuple of float
+        Standard deviation of the waves of each order of a turn about those that all runs have [N m]; a counter that
+        begins anew gives every run another phase.
+    """
+
+    wander: PerShaft[Wander] = field(default_factory=lambda: per_shaft(lambda _: Wander.of(1e-3)))
+    ripple: tuple[float, ...] = (5e-3,) * len(RIPPLE)
+
+
+USUAL = SlowNoise()
+"""What is taken where the campaign does not tell it."""
+
+
+@dataclass(frozen=True)
+class RowNoise:
+    """Noise of the rows of a stretch.
+
+    Parameters
+    ----------
+    factor : BandedFactor
+        Of the covariance of what the filters leave.
+    slow : (n, r) array
+        Orthonormal directions of wander and ripple, in units of that noise.
+    shrunk : (r,) array
+        Part of a column along each of them that goes.
+    correlation : (b,) array
+        Covariance of what the filters leave with as many rows later [(N m)2].
+    side : str
+        The shaft.
+    slow_noise : SlowNoise
+        Of which wander and ripple are.
+    knots : (q,) array
+        Instants from which to which its wander goes straight [s since 1970].
+    lines : (n, q) array
+        What each row shows of the wander at each of them.
+    """
+
+    factor: BandedFactor
+    slow: Array
+    shrunk: Array
+    correlation: Array
+    side: str
+    slow_noise: SlowNoise
+    knots: Array
+    lines: Array
+
+    @property
+    def wander(self) -> Wander:
+        """Of its transducer."""
+        return self.slow_noise.wander[self.side]
+
+    def white(self, columns: Array) -> Array:
+        """Columns (n, j) in units of the noise, and freed from its correlation."""
+        white = self.factor.solved(columns)
+        return np.asarray(white - self.slow @ (self.shrunk[:, None] * (self.slow.T @ white)))
+
+    def adjoint(self, columns: Array) -> Array:
+        """Columns (n, j) with which rows as they are have the products that whitened rows have with `columns`."""
+        freed = columns - self.slow @ (self.shrunk[:, None] * (self.slow.T @ columns))
+        return self.factor.adjoint(freed)
+
+
+def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUAL) -> RowNoise:
+    """The noise of a stretch, from the noise of each signal and what the balance makes of it.
+
+    Notes
+    -----
+    A row is a filtered sum of white sequences: that of its transducer, and the quantisation of the encoders through
+    inertia and the stiffness of the magnetic spring. Its correlation ends where the filters do, so that the
+    covariance of any rows is banded.
+    """
+    stretch, sheet = baseline.stretches[place], baseline.sheet
+    run, side = stretch.run, stretch.side
+    own, (value, curvature) = stretch.shaft, row_weights(run)
+    sources, common = [(own.density, value, value)], run.common
+    if not stretch.at_rest:
+        inertia, peak = (float(baseline.values[sheet.at(name)]) for name in (f"inertia_{side}", "pull_out"))
+        spring = peak * sheet.poles[side] if stretch.coupled else 0.0
+        of_own = inertia * curvature + spring * sheet.poles[side] * value
+        sources.append((own.angle_density, of_own, of_own))
+        if spring:
+            other = other_side(side)
+            of_other = spring * sheet.poles[other] * value
+            sources.append((run.shafts[other].angle_density, of_other, of_other))
+            sources.append((2.0 * common, of_own, of_other))
+    step = round(run.run.rate / run.row_rate)
+    length = len(value) // step + 1
+    correlation = np.zeros(length)
+    for density, one, another in sources:
+        whole = np.correlate(one, another, "full")[len(value) - 1 :: step]
+        correlation[: len(whole)] += 0.5 * run.run.rate * density * whole
+    bounded = correlation * np.r_[1.0 + FLOOR, np.ones(length - 1)]
+    at = np.flatnonzero(stretch.rows)
+    banded = np.zeros((length, len(at)))
+    for lag in range(min(length, len(at))):
+        apart = at[lag:] - at[: len(at) - lag]
+        banded[lag, : len(at) - lag] = np.where(apart < length, bounded[np.minimum(apart, length - 1)], 0.0)
+    factor = BandedFactor.of(cholesky_banded(banded, lower=True, check_finite=False))
+    knots, lines = _lines(stretch, slow_noise.wander[side])
+    white = factor.solved(slow_spread(stretch, slow_noise))
+    slow, size, _ = np.linalg.svd(white, full_matrices=False)
+    shrunk = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
+    return RowNoise(factor, slow, shrunk, correlation, side, slow_noise, knots, lines)
+
+
+def slow_spread(stretch: RotorRows, noise: SlowNoise = USUAL) -> Array:
+    """Directions (n, k) of wander and ripple, each as long as its standard deviation [N m]."""
+    wander, turns = noise.wander[stretch.side], turns_of(stretch)
+    knots, lines = _lines(stretch, wander)
+    turns *= np.repeat(noise.ripple, 2)[: turns.shape[1]]
+    return np.hstack([lines @ np.linalg.cholesky(wander.covariance(knots)), turns])
+
+
+def _lines(stretch: RotorRows, wander: Wander) -> tuple[Array, Array]:
+    """Knots (k,) [s since 1970] half the time of the fastest wander apart, evenly, and straight lines between them."""
+    time, end = stretch.run.row_time[stretch.rows], float(stretch.run.time[-1])
+    apart = min(0.5 * wander.fastest, LONGEST)
+    knots = np.linspace(0.0, end, max(round(end / apart), 1) + 1)
+    lines = np.maximum(1.0 - np.abs(time[:, None] - knots) / knots[1], 0.0)
+    return stretch.run.run.started_at.timestamp() + knots, lines
+
+
+def turns_of(stretch: RotorRows) -> Array:
+    """Waves of once and twice a turn of the shaft, (n, 4); none at rest."""
+    if stretch.at_rest:
+        return np.zeros((len(stretch), 0))
+    angle = stretch.shaft.angle
+    return stretch.of_rows(np.stack([wave(order * angle) for order in RIPPLE for wave in (np.cos, np.sin)], 1))
+
+
+def between_runs(noise: Sequence[RowNoise], seen: list[Array]) -> Array:
+    """Covariance (j, j) of some numbers as wander goes on from run to run, beyond what each run makes by itself.
+
+    Parameters
+    ----------
+    noise : sequence of RowNoise
+        Of each stretch.
+    seen : list of (j, q) array
+        Change of the numbers per wander at each knot of each stretch.
+    """
+    found = np.zeros((len(seen[0]), len(seen[0])))
+    for side in SIDES:
+        of_side = [place for place, each in enumerate(noise) if each.side == side]
+        if of_side:
+            whole = np.hstack([seen[place] for place in of_side])
+            found += whole @ covariance_between([noise[p].knots for p in of_side], noise[of_side[0]].wander) @ whole.T
+    return found
+
+
+def wander_at_knots(noise: Sequence[RowNoise], rng: np.random.Generator, draws: int) -> list[Array]:
+    """Wander at the knots (q, draws) of each stretch [N m], as it goes on from run to run."""
+    found: list[Array] = [np.zeros((0, draws))] * len(noise)
+    for side in SIDES:
+        of_side = [place for place, each in enumerate(noise) if each.side == side]
+        if of_side:
+            knots = [noise[place].knots for place in of_side]
+            whole = draw_wander(noise[of_side[0]].wander, np.concatenate(knots), rng, draws)
+            for place, part in zip(of_side, np.split(whole, np.cumsum([len(k) for k in knots])[:-1]), strict=True):
+                found[place] = part
+    return found
