@@ -70,11 +70,8 @@ def plain(m: Moving) -> Array:
     return 80.0 * m.a + 150.0 * m.v
 
 
-def record(
-    path: Path, force: Callable[[Moving], Array], rng: np.random.Generator, noise: float, seconds: float
-) -> None:
+def record(path: Path, m: Moving, force: Callable[[Moving], Array], rng: np.random.Generator, noise: float) -> None:
     """A recording as CSV: noise of the force is correlated over some 20 ms, the encoder resolves 0.1 um."""
-    m = motion(rng, seconds)
     white = rng.standard_normal(len(m.t) + 200)
     coloured = lfilter([np.sqrt(1.0 - 0.8**2)], [1.0, -0.8], white)[200:]
     u = (force(m) + noise * coloured) / 40.0
@@ -91,11 +88,12 @@ def make_case(
     more: str = "",
     noise: float = 1.0,
     seconds: float = SECONDS,
+    moves: Callable[[np.random.Generator, float], Moving] = motion,
 ) -> Path:
     """A case with two recordings of one machine."""
     rng = np.random.default_rng(seed)
     for name in ("fit.csv", "withheld.csv"):
-        record(folder / name, force, rng, noise, seconds)
+        record(folder / name, moves(rng, seconds), force, rng, noise)
     path = folder / "case.toml"
     path.write_text(CASE.format(terms=terms, more=more))
     return path

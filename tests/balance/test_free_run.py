@@ -21,7 +21,7 @@ def _record(force: np.ndarray, position: np.ndarray, speed: float = 0.0) -> Reco
     """A record of a force and where the machine was, which starts at a speed."""
     time, nothing = np.arange(len(force)) / RATE, np.zeros(len(force))
     motion = Motion(time, position, np.r_[speed, nothing[1:]], nothing, force, nothing)
-    return Recorded(("record",), motion, 10, force, nothing)
+    return Recorded(("record",), motion, 10, np.ones(-(-len(force) // 10), dtype=np.bool_), force, nothing)
 
 
 def _set(**amounts: float) -> list[SetTerm]:

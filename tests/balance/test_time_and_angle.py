@@ -97,7 +97,7 @@ def test_a_machine_that_turns_one_way_has_no_reversals() -> None:
     t = np.arange(4000) * 1e-3
     for position, columns in ((3.0 * t + 0.1 * np.sin(t), 0), (np.sin(3.0 * t), 3)):
         motion = moving(position, {})
-        recorded = Recorded(("made",), motion, 4, motion.force, motion.force)
+        recorded = Recorded(("made",), motion, 4, np.ones(1000, dtype=np.bool_), motion.force, motion.force)
         assert reversals(recorded).shape == (1000, columns)
 
 

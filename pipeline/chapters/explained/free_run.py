@@ -20,7 +20,12 @@ def free_run_sections(d: TermsDiagnosis) -> tuple[Section, ...]:
         runs, every = [run for run in d.free_runs if run.record == record.name], d.recorded.keep_every
         off = [
             Series(
-                run.model, record.time, (run.position - record.motion.position)[::every] / small, None, "line", colour
+                run.model,
+                record.motion.time[::every],
+                (run.position - record.motion.position)[::every] / small,
+                None,
+                "line",
+                colour,
             )
             for colour, run in enumerate(runs)
             if run.model != "baseline"

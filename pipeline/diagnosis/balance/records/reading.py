@@ -101,12 +101,12 @@ def _long_enough(read: _Read, case: Case) -> bool:
 def _together(read: Sequence[_Read], case: Case, of: Recorded | None = None) -> Recorded:
     """Recordings one after the other, enough of them."""
     motion = joined([one.motion for one in read])
+    found = with_known([one.name for one in read], motion, case, [f for one in read for f in one.findings], of)
     fewest = (FEWEST if of is None else LEAST) * case.prepare.keep_every  # noise is judged where terms are fitted
-    if len(motion.time) < fewest:
-        came = f"{len(motion.time)} samples once the ends that filters spoil are left out"
+    if (left := len(found.force) * case.prepare.keep_every) < fewest:
+        came = f"{left} samples once the ends that filters spoil, and where it stands, are left out"
         names = ", ".join(one.name for one in read)
         raise RecordingError(names, came, f"{fewest} or more", "Record longer, or thin less.")
-    found = with_known([one.name for one in read], motion, case, [f for one in read for f in one.findings], of)
     return with_lags(found, case) if of is None else found
 
 

@@ -12,6 +12,8 @@ from scipy.signal import butter, cheby1, sosfiltfilt
 from pmg.pipeline.diagnosis.balance.case import OUTPUT
 from pmg.pipeline.diagnosis.balance.known_terms import of_its_recordings
 from pmg.pipeline.diagnosis.balance.library.term import KNOWN, NOISY, OF_NONE, OUT, RECORDING, Motion
+from pmg.pipeline.diagnosis.balance.records.smoothing import DECIMATION
+from pmg.pipeline.diagnosis.balance.records.standing import moves, told
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -20,13 +22,16 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.library.term import Term
     from pmg.pipeline.recording.findings import Finding
-    from pmg.sim.signals import Array
+    from pmg.sim.signals import Array, Mask
 
 SLOW_PART = 0.2
 """Part of the band of the regression in which an acceleration counts as slow."""
 
 REST = 4.0
 """Standard deviations of the noise of the speed below which a machine counts as at rest."""
+
+ROUNDED = 2.0
+"""Periods of the low-pass over which it rounds off how friction changes as a machine stops or sets out."""
 
 SHORT = 20
 """Samples of a record up to which its acceleration is not parted."""
@@ -50,6 +55,8 @@ class Recorded:
         At the full sample rate.
     keep_every : int
         Decimation.
+    used : (t,) array of bool
+        Thinned samples at which the machine does not stand; n of them.
     force : (n,) array
         Thinned force [N, N m], known terms taken out; zero of a machine that coasts.
     known : (n,) array
@@ -65,6 +72,7 @@ class Recorded:
     names: tuple[str, ...]
     motion: Motion
     keep_every: int
+    used: Mask
     force: Array
     known: Array
     findings: tuple[Finding, ...] = ()
@@ -88,17 +96,26 @@ class Recorded:
 
     @property
     def starts(self) -> tuple[int, ...]:
-        """Thinned sample with which each recording begins."""
-        return _starts_of([-(-int(n) // self.keep_every) for n in self._lengths])
+        """Thinned sample that is used with which each recording begins."""
+        return _starts_of([int(used.sum()) for used in self._used])
 
     @property
-    def _lengths(self) -> Array:
-        return np.diff([*self.motion.starts, len(self.motion.time)])
+    def breaks(self) -> tuple[int, ...]:
+        """Thinned sample that is used with which each stretch without a rest begins."""
+        apart = np.flatnonzero(self.used)
+        after_rest = np.flatnonzero(np.diff(apart) > 1) + 1
+        return tuple(sorted({*self.starts, *after_rest.tolist()} - {len(apart)}))
+
+    @property
+    def _used(self) -> list[Mask]:
+        """Which thinned samples of each recording are used."""
+        lengths = np.diff([*self.motion.starts, len(self.motion.time)])
+        return np.split(self.used, np.cumsum(-(-lengths // self.keep_every))[:-1])
 
     def thin(self, columns: Array) -> Array:
         """Every column filtered and decimated like the force (parallel filtering), within each recording."""
-        parts = np.split(columns, self.motion.starts[1:])
-        return np.concatenate([self._centred(_thinned(part, self.keep_every)) for part in parts])
+        parts = zip(np.split(columns, self.motion.starts[1:]), self._used, strict=True)
+        return np.concatenate([self._centred(_thinned(part, self.keep_every)[used]) for part, used in parts])
 
     def _centred(self, columns: Array) -> Array:
         """Without their mean, where each recording has a zero of its own."""
@@ -110,7 +127,7 @@ class Recorded:
 
     def slow(self, values: Array, *, thinned: bool = True) -> Array:
         """The slow part of a signal (n,), thinned or at the full rate, within each recording."""
-        every, starts = (1, self.starts) if thinned else (self.keep_every, self.motion.starts)
+        every, starts = (1, self.breaks) if thinned else (self.keep_every, self.motion.starts)
         low, least = butter(2, SLOW_PART / every, output="sos"), SHORT * every
         parts = np.split(values, starts[1:])
         return np.concatenate([sosfiltfilt(low, part) if len(part) > least else part for part in parts])
@@ -131,17 +148,19 @@ class Recorded:
 
     def _kept(self, values: Array) -> Array:
         """Values at the thinned samples, not filtered."""
-        return np.concatenate([part[:: self.keep_every] for part in np.split(values, self.motion.starts[1:])])
+        parts = zip(np.split(values, self.motion.starts[1:]), self._used, strict=True)
+        return np.concatenate([part[:: self.keep_every][used] for part, used in parts])
 
     def each(self) -> tuple[Recorded, ...]:
         """The recordings one by one."""
         m, ends = self.motion, (*self.motion.starts, len(self.motion.time))
         thin = (*self.starts, len(self.force))
         found = []
-        for k, name in enumerate(self.names):
+        for k, (name, used) in enumerate(zip(self.names, self._used, strict=True)):
             few = slice(*thin[k : k + 2])
             motion = m.part(slice(*ends[k : k + 2]))
-            found.append(replace(self, names=(name,), motion=motion, force=self.force[few], known=self.known[few]))
+            force, known = self.force[few], self.known[few]
+            found.append(replace(self, names=(name,), motion=motion, used=used, force=force, known=known))
         return tuple(found)
 
 
@@ -238,9 +257,12 @@ def with_known(
     The baseline is fitted to them, or is that of other recordings. What it gives is freed from noise of the
     acceleration: the force that its columns are to explain holds that noise, too.
     """
-    plain = Recorded(
-        tuple(names), motion, case.prepare.keep_every, motion.force, motion.force, tuple(findings), case.own_zeros
-    )
+    every = case.prepare.keep_every
+    spoilt = max(round(ROUNDED / case.prepare.low_pass_hz / motion.sample_time), DECIMATION * every)
+    used = moves(motion, spoilt)
+    few = np.concatenate([part[::every] for part in np.split(used, motion.starts[1:])])
+    stands = told(", ".join(names), motion, used)
+    plain = Recorded(tuple(names), motion, every, few, motion.force, motion.force, (*findings, *stands), case.own_zeros)
     motion = _referred(motion, case, of)
     terms = {term.key: term for term in case.library}
     columns = {key: terms[key].columns(motion, float("nan"))[:, 0] for key in case.baseline}

@@ -1,0 +1,56 @@
+"""Where a machine stands: what holds it there is as large as it needs to be, and tells nothing of its friction."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.recording.findings import Code, Findings
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.library.term import Motion
+    from pmg.pipeline.recording.findings import Finding
+    from pmg.sim.signals import Mask
+
+DWELL = 0.2
+"""Time at rest from which on a machine stands [s]; a reversal passes sooner."""
+
+CREEPS = 0.25
+"""Mean speed of a stretch over that below which the machine counts as at rest, from which on it creeps."""
+
+
+def moves(motion: Motion, spoilt: int) -> Mask:
+    """Samples (n,) that tell of friction: those at which the machine does not stand; all where none would be left.
+
+    Parameters
+    ----------
+    motion : Motion
+        Of one recording, or several one after the other.
+    spoilt : int
+        Samples before and after a rest into which filters carry what holds the machine there.
+    """
+    slow = np.abs(motion.speed) < motion.rest_speed
+    begins = np.r_[True, slow[1:] != slow[:-1]]
+    begins[list(motion.starts)] = True
+    edges = [*np.flatnonzero(begins).tolist(), len(slow)]
+    found = np.ones(len(slow), dtype=np.bool_)
+    for first, last in itertools.pairwise(edges):
+        long = slow[first] and (last - first) * motion.sample_time >= DWELL
+        if long and abs(float(motion.speed[first:last].mean())) < CREEPS * motion.rest_speed:
+            stands = np.arange(len(slow))[max(first - spoilt, 0) : last + spoilt]
+            found[stands[motion.first[stands] == motion.first[first]]] = False
+    return found if found.any() else ~found
+
+
+def told(names: str, motion: Motion, used: Mask) -> tuple[Finding, ...]:
+    """What is said of rests that are left out; nothing without any."""
+    count = int(np.sum(np.diff(np.r_[True, used].astype(np.int8)) == -1))
+    if not count:
+        return ()
+    findings = Findings(names)
+    rest = motion.sample_time * float(np.sum(~used))
+    message = f"the machine stands for {rest:.3g} s in all ({count} times): left out of the fit"
+    findings.info(Code.SAMPLES_GAP, "time", message, "Nothing to do: what holds it there may be of any size.")
+    return findings.listed()
