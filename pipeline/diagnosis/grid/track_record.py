@@ -67,13 +67,13 @@ RECORD = {
 
 
 IN_MOTION = {
-    "named": TrackRecord("a cause named", "The cause named was right", 69, 76),
-    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 8, 12),
+    "named": TrackRecord("a cause named", "The cause named was right", 69, 77),
+    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 2, 6),
     "weak": TrackRecord(
-        "a difference too weak to name its cause, or none proved", "The truth was among those given", 13, 13
+        "a difference too weak to name its cause, or none proved", "The truth was among those given", 15, 15
     ),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "None known, or the closest, was right", 21, 26
+        "no known cause given, with those that come near", "None known, or the closest, was right", 18, 21
     ),
 }
 """The same of runs in motion, from the trial of 240 campaigns in ``pipeline/trials/motion/README.md``."""
