@@ -144,6 +144,7 @@ def test_leaders_that_do_not_settle_are_held_against_each_other(
     monkeypatch.setattr(naming, "replace", lambda before, **_: before)
     monkeypatch.setattr(naming, "adequacy_test", lambda _: None)
     monkeypatch.setattr(naming, "_beside_whole", lambda *_: about)
+    monkeypatch.setattr(naming, "noise_beside", lambda _, noise: noise)
     monkeypatch.setattr(naming, "motion_evidence", lambda *_: about)
     monkeypatch.setattr(naming, "without_opposed", lambda found: found)
     monkeypatch.setattr(naming, "_searched", lambda *_: next(searches))

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
-    from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise, SlowNoise
+    from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.pipeline.motion.run import MovingRun
@@ -67,8 +67,7 @@ def fit_constants(
     start = _start(runs, bench, known or {})
     noise = [row_noise(start, place) for place in range(len(start.stretches))]
     rough, _ = fit_beside(start, noise, ())
-    slow_noise = _slow_noise(rough, noise)
-    noise = [row_noise(rough, place, slow_noise) for place in range(len(start.stretches))]
+    noise = noise_beside(rough, noise)
     before, covariance = fit_beside(rough, noise, ())
     doubted = _with_denser_torque(before, noise) - before.values
     stiffer = np.zeros(len(before.sheet))
@@ -102,14 +101,15 @@ def _with_denser_torque(fitted: MotionBaseline, noise: list[RowNoise]) -> Array:
     return found.values
 
 
-def _slow_noise(fitted: MotionBaseline, noise: list[RowNoise]) -> SlowNoise:
-    """The wander and the ripple that a fitted baseline leaves beside its constants, drift and slow structures."""
+def noise_beside(fitted: MotionBaseline, noise: list[RowNoise]) -> list[RowNoise]:
+    """The noise of each stretch, with what a fitted baseline leaves beside its constants, drift and slow structures."""
     explained = []
     others = zip(_zeros_in_time(fitted.clean), slow_structures(views_of(fitted.clean)), strict=True)
     for place, (stretch, of_stretch) in enumerate(zip(fitted.stretches, others, strict=True)):
         explained.append(np.hstack([fitted.clean.columns(place), stretch.of_rows(np.hstack(of_stretch))]))
     left = [fitted.left(place) for place in range(len(fitted.stretches))]
-    return slow_noise_of(fitted.stretches, noise, left, explained)
+    slow_noise = slow_noise_of(fitted.stretches, noise, left, explained)
+    return [row_noise(fitted, place, slow_noise) for place in range(len(fitted.stretches))]
 
 
 def _start(

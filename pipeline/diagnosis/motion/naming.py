@@ -21,7 +21,7 @@ from pmg.pipeline.diagnosis.motion.catalogue import (
     without_opposed,
 )
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
-from pmg.pipeline.diagnosis.motion.fitted import amounts_of, fit_beside
+from pmg.pipeline.diagnosis.motion.fitted import amounts_of, fit_beside, noise_beside
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
@@ -83,6 +83,7 @@ def name_causes(
             steps.begin(SEARCH_STEPS[1])
         best = naming.best
         about = _beside_whole(replace(before, values=about.values), noise, best.fits)
+        noise = noise_beside(about, noise)
         search = found, meant, naming
         found = motion_evidence(about, noise, library(), rng)
         meant = without_opposed(found)
