@@ -13,7 +13,7 @@ from pmg.pipeline.diagnosis.balance.case import OUTPUT
 from pmg.pipeline.diagnosis.balance.known_terms import of_its_recordings
 from pmg.pipeline.diagnosis.balance.library.term import KNOWN, NOISY, OF_NONE, OUT, RECORDING, Motion
 from pmg.pipeline.diagnosis.balance.records.smoothing import DECIMATION
-from pmg.pipeline.diagnosis.balance.records.standing import moves, told
+from pmg.pipeline.diagnosis.balance.records.standing import moves, rest_findings
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -261,7 +261,7 @@ def with_known(
     spoilt = max(round(ROUNDED / case.prepare.low_pass_hz / motion.sample_time), DECIMATION * every)
     used = moves(motion, spoilt)
     few = np.concatenate([part[::every] for part in np.split(used, motion.starts[1:])])
-    stands = told(", ".join(names), motion, used)
+    stands = rest_findings(", ".join(names), motion, used)
     plain = Recorded(tuple(names), motion, every, few, motion.force, motion.force, (*findings, *stands), case.own_zeros)
     motion = _referred(motion, case, of)
     terms = {term.key: term for term in case.library}

@@ -35,16 +35,16 @@ def moves(motion: Motion, spoilt: int) -> Mask:
     begins = np.r_[True, slow[1:] != slow[:-1]]
     begins[list(motion.starts)] = True
     edges = [*np.flatnonzero(begins).tolist(), len(slow)]
-    found = np.ones(len(slow), dtype=np.bool_)
+    found, recording = np.ones(len(slow), dtype=np.bool_), motion.first
     for first, last in itertools.pairwise(edges):
         long = slow[first] and (last - first) * motion.sample_time >= DWELL
         if long and abs(float(motion.speed[first:last].mean())) < CREEPS * motion.rest_speed:
-            stands = np.arange(len(slow))[max(first - spoilt, 0) : last + spoilt]
-            found[stands[motion.first[stands] == motion.first[first]]] = False
+            near = slice(max(first - spoilt, 0), last + spoilt)
+            found[near] &= recording[near] != recording[first]
     return found if found.any() else ~found
 
 
-def told(names: str, motion: Motion, used: Mask) -> tuple[Finding, ...]:
+def rest_findings(names: str, motion: Motion, used: Mask) -> tuple[Finding, ...]:
     """What is said of rests that are left out; nothing without any."""
     count = int(np.sum(np.diff(np.r_[True, used].astype(np.int8)) == -1))
     if not count:

@@ -177,22 +177,24 @@ def between_runs(noise: Sequence[RowNoise], seen: list[Array]) -> Array:
         Change of the numbers per wander at each knot of each stretch.
     """
     found = np.zeros((len(seen[0]), len(seen[0])))
-    for side in SIDES:
-        of_side = [place for place, each in enumerate(noise) if each.side == side]
-        if of_side:
-            whole = np.hstack([seen[place] for place in of_side])
-            found += whole @ covariance_between([noise[p].knots for p in of_side], noise[of_side[0]].wander) @ whole.T
+    for of_side in _by_side(noise):
+        whole = np.hstack([seen[place] for place in of_side])
+        found += whole @ covariance_between([noise[p].knots for p in of_side], noise[of_side[0]].wander) @ whole.T
     return found
 
 
 def wander_at_knots(noise: Sequence[RowNoise], rng: np.random.Generator, draws: int) -> list[Array]:
     """Wander at the knots (q, draws) of each stretch [N m], as it goes on from run to run."""
     found: list[Array] = [np.zeros((0, draws))] * len(noise)
-    for side in SIDES:
-        of_side = [place for place, each in enumerate(noise) if each.side == side]
-        if of_side:
-            knots = [noise[place].knots for place in of_side]
-            whole = draw_wander(noise[of_side[0]].wander, np.concatenate(knots), rng, draws)
-            for place, part in zip(of_side, np.split(whole, np.cumsum([len(k) for k in knots])[:-1]), strict=True):
-                found[place] = part
+    for of_side in _by_side(noise):
+        knots = [noise[place].knots for place in of_side]
+        whole = draw_wander(noise[of_side[0]].wander, np.concatenate(knots), rng, draws)
+        for place, part in zip(of_side, np.split(whole, np.cumsum([len(k) for k in knots])[:-1]), strict=True):
+            found[place] = part
     return found
+
+
+def _by_side(noise: Sequence[RowNoise]) -> list[list[int]]:
+    """Places of the stretches of each transducer that has any."""
+    places = ([place for place, each in enumerate(noise) if each.side == side] for side in SIDES)
+    return [of_side for of_side in places if of_side]
