@@ -39,11 +39,14 @@ class Family:
         Whose rows.
     follows : str
         What it follows.
+    by_run : bool
+        Whether every run follows it in its own way, as in its own phase.
     """
 
     side: str
     configuration: str
     follows: str
+    by_run: bool = False
 
 
 @dataclass(frozen=True)
@@ -78,13 +81,17 @@ def compress(
     view: RotorView,
     terms: tuple[MotionTerm, ...],
     spans: dict[str, float],
+    hums: dict[str, float],
 ) -> Compressed:
-    """A stretch in the coordinates of all that is looked for in it."""
+    """A stretch in the coordinates of all that is looked for in it; `hums` are frequencies [Hz] by transducer."""
     stretch = view.state.stretch
-    looked = {
-        Family(view.side, str(stretch.run.run.configuration), name): columns
-        for name, columns in structures(view, spans).items()
-    }
+    configuration = str(stretch.run.run.configuration)
+    looked = {Family(view.side, configuration, name): columns for name, columns in structures(view, spans).items()}
+    if view.side in hums and not view.at_rest:
+        frequency = hums[view.side]
+        phase = 2.0 * np.pi * frequency * stretch.run.time
+        follows = f"frequency of {frequency:.1f} Hz"
+        looked[Family(view.side, configuration, follows, by_run=True)] = np.stack([np.cos(phase), np.sin(phase)], 1)
     acting = [term for term in terms if term.acts(view)]
     tried = {term.key: np.hstack([term.columns(view, float(shape)) for shape in shapes_of(term)]) for term in acting}
     constants = baseline.clean.columns(place)

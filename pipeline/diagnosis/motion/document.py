@@ -92,7 +92,7 @@ def _component_of(place: MotionPlace) -> Component | None:
         return Component.MAGNETIC_GEAR
     if follows.startswith("compliance") or follows == "torque rate":
         return Component(f"{side}_coupling")
-    if follows in ("direction", "time in the run", "travel since reversal"):
+    if follows in ("direction", "time in the run", "travel since reversal", f"passage_{side}"):
         return Component(f"{side}_bearings")
     if follows in ("pole angle", "rate of the pole angle"):
         return Component.MAGNETIC_GEAR

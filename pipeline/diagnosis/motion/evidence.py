@@ -21,9 +21,11 @@ from pmg.pipeline.diagnosis.motion.constants import (
     eccentricity_names,
     form_names,
     map_name,
+    passage_names,
     ripple_names,
 )
 from pmg.pipeline.diagnosis.motion.families import spans_by_kind
+from pmg.pipeline.diagnosis.motion.noise.hum import hums_of
 from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, wander_at_knots
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.fit.span import orthonormal
@@ -50,6 +52,7 @@ OF_SHEET = {
     "pull_out": ("pull_out",),
     **{f"drag_{side}": form_names(side) for side in SIDES},
     **{dry_name(side): (dry_name(side),) for side in SIDES},
+    **{f"passage_{side}": passage_names(side) for side in SIDES},
     "map": tuple(map(map_name, MAP_WAVES)),
     **{f"eccentricity_{side}": eccentricity_names(side) for side in SIDES},
     **{f"ripple_{side}_{order}": ripple_names(side, order) for side in SIDES for order in RIPPLE},
@@ -140,8 +143,10 @@ def motion_evidence(
     """The evidence of a campaign about a fitted baseline, with the terms that may be named."""
     views = views_of(baseline.clean)
     spans = spans_by_kind(views)
+    left = [each.white(baseline.left(place)[:, None])[:, 0] for place, each in enumerate(noise)]
+    hums = hums_of(baseline.stretches, left)
     parts = [
-        compress(baseline, place, noise[place], view, terms, spans[view.side, view.coupled])
+        compress(baseline, place, noise[place], view, terms, spans[view.side, view.coupled], hums)
         for place, view in enumerate(views)
     ]
     sizes = [len(part.y) for part in parts]
@@ -158,7 +163,8 @@ def motion_evidence(
     found = []
     for family in families:
         of_part = [part.structures.get(family) for part in parts]
-        found.append(stacked(of_part, next(b.shape[1] for b in of_part if b is not None)))
+        alone = _run_by_run(of_part) if family.by_run else of_part
+        found.append(stacked(alone, next(b.shape[1] for b in alone if b is not None)))
     scatter = _scatter(np.concatenate([*(part.left for part in parts), off]), [columns, *found])
     unit = np.where(block < len(parts), 1.0 / scatter, 1.0)
     y, columns, found = unit * y, unit[:, None] * columns, [unit[:, None] * each for each in found]
@@ -191,6 +197,16 @@ def motion_evidence(
     return MotionEvidence(
         evidence, problem, families, block, baseline, columns, y, scatter, tuple(noise), of_wander, unexplained
     )
+
+
+def _run_by_run(of_part: list[Array | None]) -> list[Array | None]:
+    """Columns of each stretch that no other one shares."""
+    widths = [0 if columns is None else columns.shape[1] for columns in of_part]
+    ends, whole = np.cumsum(widths), sum(widths)
+    return [
+        None if columns is None else np.pad(columns, ((0, 0), (end - columns.shape[1], whole - end)))
+        for columns, end in zip(of_part, ends, strict=True)
+    ]
 
 
 def _null(parts: list[Compressed], noise: tuple[RowNoise, ...], rng: np.random.Generator) -> Array:

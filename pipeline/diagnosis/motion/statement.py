@@ -27,10 +27,11 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, MotionPlace
     from pmg.sim.signals import Array
 
-OF_TURN = {
+OF_PARTS = {
     "ripple": "ripple of a turn of the {side} shaft",
     "eccentricity": "eccentricity of the {side} encoder",
     "map": "torque against pole angle",
+    "passage": "friction of the {side} rotor through standstill",
 }
 """Constants of several parts, by how their names begin, in words."""
 
@@ -112,7 +113,7 @@ def _in_torque(diagnosis: MotionDiagnosis) -> float:
 def follows(place: MotionPlace) -> str:
     """What the torque follows at a place, or which constant is far from its data sheet."""
     name, side = place.family.follows, signal_of(place)
-    for start, words in OF_TURN.items():
+    for start, words in OF_PARTS.items():
         if name.startswith(start):
             return words.format(side=side)
     return name.replace("_", " ")

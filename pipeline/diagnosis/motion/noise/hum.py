@@ -1,0 +1,99 @@
+"""Hum: a missing torque of one frequency whatever the speed, as of the mains or of a resonance that no model has."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.stats import binom
+
+from pmg.pipeline.motion.smooth import BAND
+from pmg.sim.shafts import SIDES
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pmg.pipeline.diagnosis.motion.rows import RotorRows
+    from pmg.sim.signals import Array
+
+SLOWEST = 1.5
+"""Lowest frequency that is looked at [Hz]; what is slower may be wander or a manoeuvre."""
+
+STEP = 1.0 / 60.0
+"""Step from frequency to frequency [Hz]: half the resolution of a run of 30 s."""
+
+NEAR = 1.0
+"""Frequencies to either side [Hz] whose median power is what a frequency has without a hum; the last ones in the band
+of the rows, where noise is no longer even, are not looked at."""
+
+LEAST = 3
+"""Stretches that must show it at least; half of them where there are more."""
+
+CERTAIN = 1e-3
+"""Probability of the whole search up to which a frequency is no chance."""
+
+TURNING, LONG = 0.1, 5.0
+"""Half the range of the middle half of the speeds over their median from which on a stretch does not keep its speed,
+so that orders of a turn sweep over frequencies; and time that its rows must fill [s]."""
+
+
+def hums_of(stretches: Sequence[RotorRows], white: Sequence[Array]) -> dict[str, float]:
+    r"""Frequency [Hz] of a hum in the balance of each rotor that has one.
+
+    Parameters
+    ----------
+    stretches : sequence of RotorRows
+        Of a campaign.
+    white : sequence of (n,) array
+        What the balance of each leaves, whitened.
+
+    Returns
+    -------
+    dict of str to float
+        By side.
+
+    Notes
+    -----
+    The power of white noise at a frequency, over the median of its neighbours times :math:`1/\ln 2`, is distributed
+    exponentially. With q the power at a frequency that half of the stretches exceed, h of r, chance makes h or more
+    exceed it by the binomial law of r and :math:`e^{-q}`: times the frequencies that are looked at, that is the
+    probability of the whole search. A few runs with a resonance or a line of their own make no hum, and orders of a
+    turn make none, as stretches that keep their speed do not count.
+    """
+    frequencies = np.arange(SLOWEST, BAND - 2.0 * NEAR, STEP)
+    found = {}
+    for side in SIDES:
+        of_side = [
+            _shown(stretch, left, frequencies)
+            for stretch, left in zip(stretches, white, strict=True)
+            if stretch.side == side and _sweeps(stretch)
+        ]
+        half = max((len(of_side) + 1) // 2, LEAST)
+        if len(of_side) < half:
+            continue
+        exceeded = np.sort(of_side, axis=0)[-half]
+        by_chance = float(binom.sf(half - 1, len(of_side), np.exp(-exceeded.max())))
+        if by_chance * len(SIDES) * len(frequencies) < CERTAIN:
+            found[side] = float(frequencies[np.argmax(exceeded)])
+    return found
+
+
+def _sweeps(stretch: RotorRows) -> bool:
+    """Whether a stretch is long, and does not keep its speed."""
+    if stretch.at_rest or len(stretch) < LONG * stretch.run.row_rate:
+        return False
+    low, middle, high = np.percentile(np.abs(stretch.of_rows(stretch.shaft.speed)), (25.0, 50.0, 75.0))
+    return bool(high - low > 2.0 * TURNING * middle)
+
+
+def _shown(stretch: RotorRows, white: Array, frequencies: Array) -> Array:
+    """Power (f,) of whitened rows at each frequency, over what its neighbours have."""
+    whole = np.zeros(len(stretch.rows))
+    whole[stretch.rows] = white
+    count = round(stretch.run.row_rate / STEP)
+    folded = np.pad(whole, (0, -len(whole) % count)).reshape(-1, count).sum(axis=0)
+    power = np.abs(np.fft.rfft(folded)) ** 2
+    usual = median_filter(power, 2 * round(NEAR / STEP) + 1, mode="nearest") / np.log(2.0)
+    shown = power / np.maximum(usual, np.finfo(np.float64).tiny)
+    return np.asarray(np.interp(frequencies, np.fft.rfftfreq(count, 1.0 / stretch.run.row_rate), shown))
