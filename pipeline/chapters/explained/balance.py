@@ -129,7 +129,7 @@ def _models(d: TermsDiagnosis) -> Section:
         "One term after the other",
         "Each line adds a term to the one above. A named term passed every rule; a refinement lowers the error "
         "on withheld blocks and beats every decoy, but beside the named ones it may be no more than an error of "
-        "their form. One that makes the error on the withheld record larger is dropped.",
+        "their form. One that makes the error on the withheld record larger, or a value impossible, is dropped.",
         (
             Column("model", "Added"),
             Column("state", "State"),

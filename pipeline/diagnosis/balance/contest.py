@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, find_twins
-from pmg.pipeline.diagnosis.balance.estimate import Estimate, FittedTerms, fit_together
+from pmg.pipeline.diagnosis.balance.estimate import Estimate, FittedTerms, fit_together, impossible_in
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.balance.proof import held_out, set_against
 from pmg.pipeline.diagnosis.engine.explanation import explain_with
@@ -143,8 +143,8 @@ def refine(
 ) -> tuple[tuple[ModelStep, ...], tuple[ModelStep, ...]]:
     """Further terms, one after the other: more than any decoy, a good part of the rest, better on withheld blocks.
 
-    Then those that would have been, and make the error on the withheld record larger with certainty: they are dropped.
-    It is the only choice in which that record has a part.
+    Then those that would have been, and make the error on the withheld record larger with certainty, or values of the
+    named model impossible: they are dropped. It is the only choice in which that record has a part.
     """
     current, refined, dropped = best, list[ModelStep](), dict[str, ModelStep]()
     while len(refined) < MOST_REFINED:
@@ -159,7 +159,7 @@ def refine(
             step = model_step(data, (*current.fits, fit), rng)
             if step.held is None or step.held.gain_interval[0] <= 0.0:
                 continue
-            if step.carried[1] < 0.0:
+            if step.carried[1] < 0.0 or impossible_in(step.fitted):
                 dropped[step.added] = step
             else:
                 dropped.pop(step.added, None)

@@ -55,9 +55,9 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
         Terms that lower the error on withheld blocks, but given those named may be no more than an error
         of their form.
     dropped : tuple of ModelStep
-        Refinements that make the error on the withheld record larger.
+        Refinements that make the error on the withheld record larger, or values impossible.
     impossible : tuple of Estimate
-        Parameters of the last model that no machine has, as a negative mass; where there are any, nothing is named.
+        Parameters of the named model that no machine has, as a negative mass; where there are any, nothing is named.
     twins : tuple of Twins
         What the design of the recording cannot tell apart.
     further_decoys : FurtherDecoys
@@ -131,7 +131,7 @@ def diagnose_terms(
             refinements, dropped = refine(data, start, remainder_of, max(ENTRY, further.most_evidence), rng)
             contests = contest(data, s.problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
-    impossible = impossible_in((refinements or steps)[-1].fitted)
+    impossible = impossible_in(steps[-1].fitted)
     if impossible:
         verdict = Verdict.NOT_IN_LIBRARY
     last = settled(s.problem, (refinements or steps)[-1].fitted.fits)

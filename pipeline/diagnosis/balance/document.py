@@ -6,6 +6,7 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.diagnosis.balance.estimate import impossible_in
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.fit.document import number
@@ -255,8 +256,10 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
                 blocks += "  does not carry over to the withheld record"
             lines.append(f"{name:<44}{percent(step.error_fit):>9}{percent(step.error_withheld):>10}  {blocks}".rstrip())
     for step in diagnosis.dropped:
-        name = titled(step.fitted.fits[-1].candidate)
-        lines.append(f"dropped: {name}, with which the withheld record is off by {percent(step.error_withheld)}")
+        name, wrong = titled(step.fitted.fits[-1].candidate), impossible_in(step.fitted)
+        off = f"with which the withheld record is off by {percent(step.error_withheld)}"
+        values = (f"{_with_error(e)} of {'it' if e.term == step.added else title_of(diagnosis, e.term)}" for e in wrong)
+        lines.append(f"dropped: {name}, {f'as no machine has {told}' if (told := ' and '.join(values)) else off}")
     lines.append("")
     for contest in diagnosis.contests:
         ids = " + ".join(fit.identifier for fit in contest.rival.fits)
