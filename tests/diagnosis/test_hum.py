@@ -89,7 +89,19 @@ def test_a_line_of_few_runs_and_one_at_a_steady_speed_are_no_hum() -> None:
     few = [n + w * (k < 3) for k, (n, w) in enumerate(zip(noise, _waves(9.0, 2.0, 10, rng), strict=True))]
     assert hums_of(_stretches(10), few) == {}
     all_of_them = [n + w for n, w in zip(noise, _waves(9.0, 2.0, 10, rng), strict=True)]
+    assert hums_of(_stretches(10), all_of_them) == {"sun": pytest.approx(9.0, abs=0.05)}
     assert hums_of(_stretches(10, np.full(ROWS, 50.0)), all_of_them) == {}
+
+
+def test_an_order_of_a_turn_at_the_top_of_every_ramp_is_no_hum() -> None:
+    """A ramp that stays at its highest speed for a third of the time, with a wave of each turn."""
+    rng = np.random.default_rng(4)
+    speed = np.minimum(1.5 * RAMP, 100.0)
+    angle = np.cumsum(speed) / RATE
+    white = [n + 0.5 * np.cos(angle + rng.uniform(0.0, 6.3)) for n in rng.standard_normal((12, ROWS))]
+    assert hums_of(_stretches(12, speed), white) == {}
+    kept = [n * (speed == 100.0) for n in white]
+    assert hums_of(_stretches(12), kept), "at the highest speed alone, it would pass for one"
     assert hums_of([], []) == {}
 
 

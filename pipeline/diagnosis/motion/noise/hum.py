@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 from scipy.stats import binom
 
 from pmg.pipeline.motion.smooth import BAND
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
-    from pmg.sim.signals import Array
+    from pmg.sim.signals import Array, Mask
 
 SLOWEST = 1.5
 """Lowest frequency that is looked at [Hz]; what is slower may be wander or a manoeuvre."""
@@ -30,12 +30,13 @@ of the rows, where noise is no longer even, are not looked at."""
 LEAST = 3
 """Stretches that must show it at least; half of them where there are more."""
 
-CERTAIN = 1e-3
-"""Probability of the whole search up to which a frequency is no chance."""
+CERTAIN = 1e-6
+"""Probability of the whole search up to which a frequency is no chance: far below what is usual, as orders of a turn
+that are swept over leave the power less even than noise does."""
 
-TURNING, LONG = 0.1, 5.0
-"""Half the range of the middle half of the speeds over their median from which on a stretch does not keep its speed,
-so that orders of a turn sweep over frequencies; and time that its rows must fill [s]."""
+TURNING, LONG = 0.02, 5.0
+"""Part of its highest speed by which a shaft must change its speed within a second for a row to count, so that orders
+of a turn sweep over frequencies; and time that such rows must fill [s]."""
 
 
 def hums_of(stretches: Sequence[RotorRows], white: Sequence[Array]) -> dict[str, float]:
@@ -59,16 +60,18 @@ def hums_of(stretches: Sequence[RotorRows], white: Sequence[Array]) -> dict[str,
     exponentially. With q the power at a frequency that half of the stretches exceed, h of r, chance makes h or more
     exceed it by the binomial law of r and :math:`e^{-q}`: times the frequencies that are looked at, that is the
     probability of the whole search. A few runs with a resonance or a line of their own make no hum, and orders of a
-    turn make none, as stretches that keep their speed do not count.
+    turn make none, as rows at which the speed is kept do not count.
     """
     frequencies = np.arange(SLOWEST, BAND - 2.0 * NEAR, STEP)
     found = {}
     for side in SIDES:
-        of_side = [
-            _shown(stretch, left, frequencies)
-            for stretch, left in zip(stretches, white, strict=True)
-            if stretch.side == side and _sweeps(stretch)
-        ]
+        of_side = []
+        for stretch, left in zip(stretches, white, strict=True):
+            if stretch.side != side or stretch.at_rest:
+                continue
+            turning = _turning(stretch)
+            if turning.sum() >= LONG * stretch.run.row_rate:
+                of_side.append(_shown(stretch, left * turning, frequencies))
         half = max((len(of_side) + 1) // 2, LEAST)
         if len(of_side) < half:
             continue
@@ -79,12 +82,11 @@ def hums_of(stretches: Sequence[RotorRows], white: Sequence[Array]) -> dict[str,
     return found
 
 
-def _sweeps(stretch: RotorRows) -> bool:
-    """Whether a stretch is long, and does not keep its speed."""
-    if stretch.at_rest or len(stretch) < LONG * stretch.run.row_rate:
-        return False
-    low, middle, high = np.percentile(np.abs(stretch.of_rows(stretch.shaft.speed)), (25.0, 50.0, 75.0))
-    return bool(high - low > 2.0 * TURNING * middle)
+def _turning(stretch: RotorRows) -> Mask:
+    """Rows (n,) of a stretch about which the shaft changes its speed."""
+    speed, second = stretch.of_rows(stretch.shaft.speed), round(stretch.run.row_rate)
+    change = maximum_filter1d(speed, second) - minimum_filter1d(speed, second)
+    return np.asarray(change > TURNING * np.abs(speed).max())
 
 
 def _shown(stretch: RotorRows, white: Array, frequencies: Array) -> Array:
