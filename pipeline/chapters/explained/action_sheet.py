@@ -183,7 +183,9 @@ def _action(diagnosis: Diagnosis) -> str:
         return "Repair nothing yet: the next test tells." if diagnosis.next_tests else "Repair nothing yet."
     parts = [part_words(each) for place in diagnosis.mismatch.locations[:1] for each in possible_components(place)]
     if not parts:
-        return "Look at the places under Diagnosis."
+        side = diagnosis.mismatch.locations[0].signal.removeprefix("torque_")
+        again = " The next test shows whether it comes back." if diagnosis.next_tests else ""
+        return f"Change nothing yet: look on the {side} shaft for what the difference depends on.{again}"
     return f"Inspect the {', the '.join(parts[:-1])}{' and the ' if parts[1:] else ''}{parts[-1]}."
 
 

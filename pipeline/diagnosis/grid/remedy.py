@@ -85,10 +85,16 @@ def lifting(diagnosis: Diagnosis) -> str:
     return f"{test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). {power}"
 
 
+LIKELY = 0.5
+"""Power below which a test more often fails than not."""
+
+
 def words_of_test(test: NextTest) -> str:
     """A test with its bench time and its power, as a sentence."""
     plan, minutes = test.plan, f"{test.plan.seconds / MINUTE:.0f} min"
-    return f"{plan.description} ({minutes}; it tells them apart {test.power:.0%} of the time)."
+    does = "tells them apart" if test.separates else "shows whether the difference comes back"
+    weak = " Too weak to rely on: it is the best of those known." if test.power < LIKELY else ""
+    return f"{plan.description} ({minutes}; it {does} {test.power:.0%} of the time).{weak}"
 
 
 def best_test(tests: tuple[NextTest, ...]) -> NextTest:

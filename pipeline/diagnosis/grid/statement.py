@@ -223,8 +223,8 @@ def nearest(diagnosis: Diagnosis) -> str:
     naming = diagnosis.naming
     if naming is None or (share := nearest_share(naming)) < NEAREST_FROM:
         return ""
-    sets = (" with ".join(fit.candidate.kind.title for fit in each.fits) for each in (naming.best, *naming.rivals[:1]))
-    closest = ", or ".join(f"{title[0].lower()}{title[1:]}" for title in sets)
+    sets = ([f.candidate.kind.title for f in each.fits] for each in (naming.best, *naming.rivals[:1]))
+    closest = ", or ".join(" with ".join(f"{title[0].lower()}{title[1:]}" for title in titles) for titles in sets)
     return f"the closest, {closest}, explains {share:.0%} of it, but {why_not_named(naming)}"
 
 
@@ -244,10 +244,25 @@ def _place(diagnosis: Diagnosis) -> str:
     return f"{differ} Most of it: {largest(diagnosis)}"
 
 
+FOLLOWED = {
+    "order": "the order of the points",
+    "run_history": "what was run before",
+    "previous_point": "the point before",
+    "speed_sun": "the sun speed",
+    "speed_ring": "the ring speed",
+    "speed_difference": "the difference of the speeds",
+    "load": "the load",
+    "power_flow": "the power flow",
+    "direction": "the direction of rotation",
+}
+"""What a torque may depend on, in words."""
+
+
 def largest(diagnosis: Diagnosis) -> str:
     """Where most of the difference is, as a sentence that begins with an article."""
     place = diagnosis.mismatch.locations[0]
-    follows = " and ".join(word.replace("_", " ") for word in place.depends_on) or "nothing that was recorded"
+    words = (FOLLOWED.get(name, name.replace("_", " ")) for name in place.depends_on)
+    follows = " and ".join(words) or "nothing that was recorded"
     special = {"all": "in every configuration", "zero": "at the zero checks"}
     where = special.get(place.configuration, f"in {place.configuration} points")
     shaft = place.signal.replace("torque_", "")
