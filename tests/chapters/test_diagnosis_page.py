@@ -275,7 +275,7 @@ def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: 
     blind = replace(quiet, verdict=Verdict.CONFOUNDED, blind=("sun",))
     assert "in the order of the sun speed" in answers_of(blind, residual)["What differs"]
     assert "random order" in answers_of(blind, residual)["Next test"]
-    assert "Slow changes stay open" in answers_of(blind, residual)["How sure"]
+    assert "Slow changes are neither shown nor excluded" in answers_of(blind, residual)["How sure"]
     assert "beyond repeatability (p = 0.5). This campaign cannot tell." in statement(blind)
     drifting = replace(blind, mismatch=judged.diagnosis.mismatch)
     assert re.search(r"the order of the test \(p ≤ [\d.e-]+\)\. Drift may be the reason\.", statement(drifting))

@@ -121,7 +121,7 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         yield beyond(diagnosis.mismatch)
         shafts = " and ".join(diagnosis.blind)
         yield f"The points were run in the order of the {shafts} speed, and none was repeated."
-        yield "A drift of any size would look like part of the loss curve."
+        yield "A drift of any size would look like part of the loss curve; of which part cannot be told."
     elif not diagnosis.mismatch.found:
         points = counted(int(diagnosis.mismatch.readings.grid.accepted.sum()), "point")
         u = " and ".join(f"{diagnosis.floor[side].u * 1e3:.1f} ({side})" for side in SIDES)
@@ -147,7 +147,7 @@ def _sureness(diagnosis: Diagnosis) -> Iterator[str]:
     if (record := track_record(diagnosis)) is not None:
         yield record.sentence
     if diagnosis.verdict is Verdict.CONFOUNDED:
-        yield "Differences that no drift could make were looked for: none was found. Slow changes stay open."
+        yield "Nothing was found that a drift could not have made. Slow changes are neither shown nor excluded."
     elif not mismatch.found:
         alarms = f"{mismatch.false_alarm_rate:.0%} of campaigns without a difference raise an alarm."
         yield f"{counted(mismatch.tested, 'kind')} of dependence tested; {alarms}"

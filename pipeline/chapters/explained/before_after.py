@@ -38,7 +38,7 @@ def before_and_after(diagnosis: Diagnosis, residual: Array) -> Figure | None:
     u = float(np.median(readings.u[rows])) / RESIDUAL.scale
     ends = x[order][[0, -1]]
     series = [Series("repeatability, 95 %", ends, 0.0 * ends, np.array([u, u]), "band", 7)]
-    stages = [("model", residual, 1)]
+    stages = [("plain model", residual, 1)]
     if found is not None:
         sure = "with the cause" if diagnosis.verdict is Verdict.NAMED else "with the first possible cause"
         stages.append((sure, readings.torque - found.prediction, 0))

@@ -165,7 +165,7 @@ def _costs(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[str
 def _picture(d: TermsDiagnosis) -> Figure:
     """Residual before and after, in the stretch where what was named takes most of it, or where most of it is."""
     first, last, push = d.steps[0], d.steps[-1], d.case.axis.push
-    stages = [("model", _missing(d, first), 1)]
+    stages = [("plain model", _missing(d, first), 1)]
     if last is not first:
         stages.append(("with the cause", _missing(d, last), 0))
     shown, name = _clearest(d, stages[0][1] ** 2 - (stages[1][1] ** 2 if len(stages) > 1 else 0.0))

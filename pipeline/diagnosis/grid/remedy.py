@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.design.next_test import HIDDEN
+from pmg.pipeline.wording.units import MILLI
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.mechanisms.thermal import MagnetTemperature
 from pmg.sim.mechanisms.warmed import WarmingBearings
@@ -81,7 +82,9 @@ def lifting(diagnosis: Diagnosis) -> str:
     test = diagnosis.lifting
     if test is None:
         return "Repeat points spread over the grid, in random order."
-    power = f"It shows a drift of {HIDDEN:g} times the repeatability with a probability of {test.power:.0%}."
+    sizes = " and ".join(f"{HIDDEN * diagnosis.floor[side].u / MILLI:.1f} mN m ({side})" for side in diagnosis.blind)
+    drift = f"a drift of {HIDDEN:g} times the repeatability, {sizes} rms,"
+    power = f"It shows {drift} with a probability of {test.power:.0%}; a smaller one less often."
     return f"{test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). {power}"
 
 

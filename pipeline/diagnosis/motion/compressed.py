@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.motion.families import structures
+from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -89,7 +90,7 @@ def compress(
     looked = {Family(view.side, configuration, name): columns for name, columns in structures(view, spans).items()}
     if view.side in hums and not view.at_rest:
         frequency = hums[view.side]
-        phase = 2.0 * np.pi * frequency * stretch.run.time
+        phase = REVOLUTION * frequency * stretch.run.time
         follows = f"frequency of {frequency:.1f} Hz"
         looked[Family(view.side, configuration, follows, by_run=True)] = np.stack([np.cos(phase), np.sin(phase)], 1)
     acting = [term for term in terms if term.acts(view)]

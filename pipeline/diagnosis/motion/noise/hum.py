@@ -23,7 +23,7 @@ SLOWEST = 1.5
 STEP = 1.0 / 60.0
 """Step from frequency to frequency [Hz]: half the resolution of a run of 30 s."""
 
-NEAR = 1.0
+ABOUT = 1.0
 """Frequencies to either side [Hz] whose median power is what a frequency has without a hum; the last ones in the band
 of the rows, where noise is no longer even, are not looked at."""
 
@@ -62,7 +62,7 @@ def hums_of(stretches: Sequence[RotorRows], white: Sequence[Array]) -> dict[str,
     probability of the whole search. A few runs with a resonance or a line of their own make no hum, and orders of a
     turn make none, as rows at which the speed is kept do not count.
     """
-    frequencies = np.arange(SLOWEST, BAND - 2.0 * NEAR, STEP)
+    frequencies = np.arange(SLOWEST, BAND - 2.0 * ABOUT, STEP)
     found = {}
     for side in SIDES:
         of_side = []
@@ -96,6 +96,6 @@ def _shown(stretch: RotorRows, white: Array, frequencies: Array) -> Array:
     count = round(stretch.run.row_rate / STEP)
     folded = np.pad(whole, (0, -len(whole) % count)).reshape(-1, count).sum(axis=0)
     power = np.abs(np.fft.rfft(folded)) ** 2
-    usual = median_filter(power, 2 * round(NEAR / STEP) + 1, mode="nearest") / np.log(2.0)
+    usual = median_filter(power, 2 * round(ABOUT / STEP) + 1, mode="nearest") / np.log(2.0)
     shown = power / np.maximum(usual, np.finfo(np.float64).tiny)
     return np.asarray(np.interp(frequencies, np.fft.rfftfreq(count, 1.0 / stretch.run.row_rate), shown))
