@@ -80,10 +80,10 @@ IN_MOTION = {
 
 
 OF_MACHINES = {
-    "named": TrackRecord("a cause named", "The cause named was right", 58, 64),
-    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 21, 23),
+    "named": TrackRecord("a cause named", "The cause named was right", 54, 55),
+    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 23, 25),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "None known, or the closest, was right", 22, 25
+        "no known cause given, with those that come near", "None known, or the closest, was right", 28, 31
     ),
 }
 """The same of other machines, from the trial of 160 campaigns in ``pipeline/trials/machines/README.md``."""
