@@ -337,7 +337,7 @@ def test_a_mass_below_zero_stops_naming_and_is_told_first(tmp_path: Path) -> Non
     assert [e["term"] for e in terms_document(found)["impossible"]] == ["inertia"]
 
 
-def test_a_refinement_that_hurts_the_withheld_record_is_dropped(
+def test_a_refinement_that_hurts_the_withheld_record_or_makes_a_value_impossible_is_dropped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def force(m: Moving) -> Array:
@@ -359,6 +359,12 @@ def test_a_refinement_that_hurts_the_withheld_record_is_dropped(
     assert {step.added for step in found.dropped} >= {kept.refinements[0].added}
     assert "dropped: " in "\n".join(terms_lines(found))
     assert terms_document(found)["dropped_refinements"]
+    monkeypatch.setattr(contest, "model_step", plain_step)
+    monkeypatch.setattr(contest, "impossible_in", lambda fitted: fitted.estimates[-1:])
+    found = diagnosed(path)
+    assert not found.refinements
+    assert found.verdict is kept.verdict, "what a refinement would make impossible takes no name with it"
+    assert {step.added for step in found.dropped} >= {kept.refinements[0].added}
 
 
 def test_every_headline_tells_the_withheld_error_and_what_does_not_carry_over(tmp_path: Path) -> None:
