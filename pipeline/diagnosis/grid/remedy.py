@@ -95,7 +95,7 @@ LIKELY = 0.5
 def words_of_test(test: NextTest) -> str:
     """A test with its bench time and its power, as a sentence."""
     plan, minutes = test.plan, f"{test.plan.seconds / MINUTE:.0f} min"
-    does = "tells them apart" if test.separates else "shows whether the difference comes back"
+    does = "tells them apart" if test.separates else "confirms this"
     weak = " Too weak to rely on: it is the best of those known." if test.power < LIKELY else ""
     return f"{plan.description} ({minutes}; it {does} {test.power:.0%} of the time).{weak}"
 

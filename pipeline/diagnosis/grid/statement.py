@@ -248,12 +248,12 @@ FOLLOWED = {
     "order": "the order of the points",
     "run_history": "what was run before",
     "previous_point": "the point before",
-    "speed_sun": "the sun speed",
-    "speed_ring": "the ring speed",
-    "speed_difference": "the difference of the speeds",
-    "load": "the load",
-    "power_flow": "the power flow",
-    "direction": "the direction of rotation",
+    "speed_sun": "sun speed",
+    "speed_ring": "ring speed",
+    "speed_difference": "difference of the speeds",
+    "load": "load",
+    "power_flow": "power flow",
+    "direction": "direction of rotation",
 }
 """What a torque may depend on, in words."""
 
