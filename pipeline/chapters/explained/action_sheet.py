@@ -121,7 +121,7 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         yield beyond(diagnosis.mismatch)
         shafts = " and ".join(diagnosis.blind)
         yield f"The points were run in the order of the {shafts} speed, and none was repeated."
-        yield "A drift of any size would look like part of the loss curve; of which part cannot be told."
+        yield "A drift of any size would look like part of the loss curve; which component drifts cannot be told."
     elif not diagnosis.mismatch.found:
         points = counted(int(diagnosis.mismatch.readings.grid.accepted.sum()), "point")
         u = " and ".join(f"{diagnosis.floor[side].u * 1e3:.1f} ({side})" for side in SIDES)
