@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 from pmg.pipeline.cli.frame import as_text, output_lost
 from pmg.pipeline.cli.here import look_around
 from pmg.pipeline.cli.progress_line import say
+from pmg.pipeline.wording.plurals import uncapitalised
 from pmg.pipeline.wording.safe_text import printable_lines
 from pmg.sim.errors import closest, near_miss
 
@@ -146,4 +147,4 @@ def _given(names: Sequence[str], words: Sequence[str]) -> str | None:
 def _lower(problem: Any) -> str:  # noqa: ANN401 - as above
     """Typer's own words, to go on after a colon."""
     text = str(problem.format_message()).rstrip(".")
-    return text[:1].lower() + text[1:]
+    return uncapitalised(text)

@@ -14,6 +14,7 @@ from pmg.pipeline.diagnosis.grid.statement import PHRASES, SHAFT_WORDS
 from pmg.pipeline.diagnosis.joint_evidence import evidence_of, of_most_evidence
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.catalogue import FORM_MARGIN
+from pmg.pipeline.wording.plurals import uncapitalised
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -151,7 +152,7 @@ def _joint_statement(joint: JointDiagnosis, documents: tuple[Mapping[str, Any], 
 
     def words(causes: Causes) -> str:
         return " together with ".join(
-            f"{known[name][0].lower()}{known[name][1:]}{SHAFT_WORDS[shaft]}" for name, shaft in causes.items()
+            f"{uncapitalised(known[name])}{SHAFT_WORDS[shaft]}" for name, shaft in causes.items()
         )
 
     causes = "; or ".join([*map(words, joint.sets), *[OR_ELSE] * joint.something_else])

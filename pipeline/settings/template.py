@@ -10,6 +10,7 @@ from pmg.pipeline.grid.crosschecks.catalogue import CROSS_CHECKS
 from pmg.pipeline.settings.campaign_file import CHECKS, Campaign
 from pmg.pipeline.settings.settings import limit_written
 from pmg.pipeline.windows.limits import MEANINGS, Steadiness
+from pmg.pipeline.wording.plurals import uncapitalised
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,7 +34,7 @@ def _lines() -> Iterator[str]:
     for table, entry in Campaign.model_fields.items():
         model = table_of(entry.annotation)
         about = entry.description or ("" if model is None else (model.__doc__ or "").splitlines()[0])
-        yield f"\n[{table}]{' ' * max(1, COLUMN - len(table) - 2)}# {about[:1].lower()}{about[1:].rstrip('.')}"
+        yield f"\n[{table}]{' ' * max(1, COLUMN - len(table) - 2)}# {uncapitalised(about).rstrip('.')}"
         if table == CHECKS:
             for check in CROSS_CHECKS:
                 line = f'# {check.name} = "{check.action}"'

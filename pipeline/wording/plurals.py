@@ -25,3 +25,8 @@ def counted(number: int, noun: str) -> str:
 def capitalised(words: str) -> str:
     """Words as the beginning of a sentence; the case of all other letters stays."""
     return f"{words[:1].upper()}{words[1:]}"
+
+
+def uncapitalised(words: str) -> str:
+    """Words as they stand within a sentence; the case of all other letters stays."""
+    return f"{words[:1].lower()}{words[1:]}"

@@ -27,7 +27,7 @@ from pmg.pipeline.diagnosis.grid.statement import (
 from pmg.pipeline.diagnosis.grid.track_record import track_record
 from pmg.pipeline.fit.losses import total_loss_and_efficiency
 from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
-from pmg.pipeline.wording.plurals import capitalised, counted
+from pmg.pipeline.wording.plurals import capitalised, counted, uncapitalised
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.shafts import SIDES
 
@@ -92,7 +92,7 @@ def _answers(diagnosis: Diagnosis, residual: Array, before: str, as_read: str) -
     else:
         yield SheetAnswer("Verdict", (f"{title}.",), GROUNDS)
     if before:
-        yield SheetAnswer("About", (f"What is left {before[0].lower()}{before[1:].rstrip(': ')}.",))
+        yield SheetAnswer("About", (f"What is left {uncapitalised(before).rstrip(': ')}.",))
     yield SheetAnswer("What differs", tuple(_difference(diagnosis)), "locations" * bool(diagnosis.mismatch.locations))
     if naming is not None and verdict is Verdict.AMBIGUOUS:
         sets = [causes(diagnosis, each) for each in _possible(diagnosis)]
@@ -121,7 +121,7 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         yield beyond(diagnosis.mismatch)
         shafts = " and ".join(diagnosis.blind)
         yield f"The points were run in the order of the {shafts} speed, and none was repeated."
-        yield "A drift of any size would look like part of the loss curve; which component drifts cannot be told."
+        yield "A drift of any size would look like part of the loss curve. Which component drifts is unknown."
     elif not diagnosis.mismatch.found:
         points = counted(int(diagnosis.mismatch.readings.grid.accepted.sum()), "point")
         u = " and ".join(f"{diagnosis.floor[side].u * 1e3:.1f} ({side})" for side in SIDES)
@@ -131,7 +131,7 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         for fit in fits:
             side, what, size = torque_change(diagnosis, fit)
             title = fit.candidate.kind.title
-            why = "" if len(fits) == 1 else f" because of {title[0].lower()}{title[1:]}"
+            why = "" if len(fits) == 1 else f" because of {uncapitalised(title)}"
             yield f"The {side} {what} is off{why}: {size}"
     else:
         where, side = largest(diagnosis), diagnosis.mismatch.locations[0].signal.removeprefix("torque_")
@@ -165,10 +165,10 @@ def _hidden(diagnosis: Diagnosis) -> Iterator[str]:
     seen = sorted(((size, title) for title, size in largest_by.items() if np.isfinite(size)), reverse=True)
     if not seen:
         return
-    listed = ", ".join(f"{title[0].lower()}{title[1:]} {size:.1f}" for size, title in seen[:HIDDEN_LISTED])
+    listed = ", ".join(f"{uncapitalised(title)} {size:.1f}" for size, title in seen[:HIDDEN_LISTED])
     others = f"; {counted(len(seen) - HIDDEN_LISTED, 'other kind')} less" if len(seen) > HIDDEN_LISTED else ""
     yield f"A fault below these sizes can still hide (95 % power, mN m rms): {listed}{others}."
-    if never := [f"{title[0].lower()}{title[1:]}" for title, size in largest_by.items() if not np.isfinite(size)]:
+    if never := [uncapitalised(title) for title, size in largest_by.items() if not np.isfinite(size)]:
         yield f"Not detectable at any size: {', '.join(never)}."
 
 

@@ -12,6 +12,7 @@ from pmg.pipeline.diagnosis.engine.conclusion import probabilities
 from pmg.pipeline.diagnosis.grid.decide import JUDGE_DRAWS
 from pmg.pipeline.diagnosis.grid.rivals import why_weak
 from pmg.pipeline.report.document import Column, Facts, Measured, Table
+from pmg.pipeline.wording.plurals import uncapitalised
 from pmg.pipeline.wording.probability import search_p_text
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def _revealed_by(diagnosis: Diagnosis) -> Facts:
     return Facts(
         tuple(
             (
-                f"Shown by, {kind.title[0].lower()}{kind.title[1:]}",
+                f"Shown by, {uncapitalised(kind.title)}",
                 "; ".join(f"{r.experiment.replace('_', ' ')}: {r.trace}" for r in kind.revealed_by),
             )
             for kind in sorted(kinds, key=lambda kind: kind.title)

@@ -10,6 +10,7 @@ from pmg.pipeline.chapters.explained.causes import cause_items, ranking_items
 from pmg.pipeline.chapters.explained.grounds import cannot_tell, decoy_items, noise_words, withheld_items
 from pmg.pipeline.chapters.explained.next_tests import next_test_items
 from pmg.pipeline.chapters.explained.shape import shape_items
+from pmg.pipeline.diagnosis.grid.covariate_words import covariate_words
 from pmg.pipeline.diagnosis.grid.diagnosis import component_of
 from pmg.pipeline.diagnosis.grid.remedy import warmth
 from pmg.pipeline.diagnosis.grid.statement import phrase, statement
@@ -102,7 +103,7 @@ def _region(place: Location) -> str:
 
 
 def _words(names: tuple[str, ...]) -> str:
-    return ", ".join(name.replace("_", " ") for name in names) or "nothing recorded"
+    return ", ".join(covariate_words(names)) or "nothing recorded"
 
 
 def _locations(diagnosis: Diagnosis) -> Table:

@@ -10,6 +10,7 @@ from pmg.pipeline.diagnosis.balance.estimate import impossible_in
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.fit.document import number
+from pmg.pipeline.wording.plurals import uncapitalised
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -179,7 +180,7 @@ def titles_of(fits: Iterable[TermFit]) -> str:
 
 def titled(term: Term[Any]) -> str:
     """Name of a term for people, in lower case."""
-    return term.title if term.title.startswith("Coulomb") else term.title[0].lower() + term.title[1:]
+    return term.title if term.title.startswith("Coulomb") else uncapitalised(term.title)
 
 
 def separating_test(diagnosis: TermsDiagnosis, ids: tuple[str, ...]) -> str:
@@ -244,6 +245,16 @@ def _in_turn(words: list[str]) -> str:
     return words[0] if len(words) == 1 else f"{words[0]} before, {words[1]} after"
 
 
+def _why_dropped(diagnosis: TermsDiagnosis, step: ModelStep) -> str:
+    """Why a refinement was dropped: values that no machine has, or else the error on the withheld record."""
+    values = [
+        f"{_with_error(e)} of {'it' if e.term == step.added else title_of(diagnosis, e.term)}"
+        for e in impossible_in(step.fitted)
+    ]
+    off = f"with which the withheld record is off by {percent(step.error_withheld)}"
+    return f"as no machine has {' and '.join(values)}" if values else off
+
+
 def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
     """The diagnosis in a few lines."""
     lines = [headline(diagnosis), ""]
@@ -256,10 +267,7 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
                 blocks += "  does not carry over to the withheld record"
             lines.append(f"{name:<44}{percent(step.error_fit):>9}{percent(step.error_withheld):>10}  {blocks}".rstrip())
     for step in diagnosis.dropped:
-        name, wrong = titled(step.fitted.fits[-1].candidate), impossible_in(step.fitted)
-        off = f"with which the withheld record is off by {percent(step.error_withheld)}"
-        values = (f"{_with_error(e)} of {'it' if e.term == step.added else title_of(diagnosis, e.term)}" for e in wrong)
-        lines.append(f"dropped: {name}, {f'as no machine has {told}' if (told := ' and '.join(values)) else off}")
+        lines.append(f"dropped: {titled(step.fitted.fits[-1].candidate)}, {_why_dropped(diagnosis, step)}")
     lines.append("")
     for contest in diagnosis.contests:
         ids = " + ".join(fit.identifier for fit in contest.rival.fits)

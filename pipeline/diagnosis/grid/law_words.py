@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.wording.numerals import measured
+from pmg.pipeline.wording.plurals import uncapitalised
 from pmg.sim.mechanisms.base import LawCovariate
 from pmg.sim.signals import MINUTE
 
@@ -54,7 +55,7 @@ def form_sentences(diagnosis: Diagnosis) -> str:
             "The error on data not used for the fit is with the law free; the extended model has the library's form."
         )
     if further:
-        titles = " and ".join(f"{fit.candidate.kind.title[0].lower()}{fit.candidate.kind.title[1:]}" for fit in further)
+        titles = " and ".join(uncapitalised(fit.candidate.kind.title) for fit in further)
         part = sum(fit.gain for fit in further) / (best.gain + sum(fit.gain for fit in further))
         sentences.append(
             f"What the library's form leaves ({part:.1%} of the effect, in squares) may be an error of form, or "

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN, WEAK
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.wording.plurals import uncapitalised
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -120,7 +121,7 @@ def why_open(conclusion: Conclusion[Any, Any], place: int) -> str:
         return "by itself, with another form of its law, it explains about as much as both"
     if conclusion.weak:
         words = why_weak(conclusion)[1]
-        return f"{words[0].lower()}{words[1:]}"
+        return uncapitalised(words)
     if closer > MARGIN and naming.evidence_scale < 1.0:
         return "the first fits better, but by less than an error in the form of its law is worth"
     if closer > MARGIN:

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.covariate_words import covariate_words
 from pmg.pipeline.diagnosis.grid.law_words import form_sentences
 from pmg.pipeline.diagnosis.grid.remedy import advice, lifting, words_of_test
 from pmg.pipeline.diagnosis.grid.rivals import is_faint, near_causes, nearest_share, why_not_named, why_weak
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.numerals import measured
-from pmg.pipeline.wording.plurals import capitalised, counted
+from pmg.pipeline.wording.plurals import capitalised, counted, uncapitalised
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.shafts import SIDES
 
@@ -129,7 +130,7 @@ def causes(diagnosis: Diagnosis, explanation: GridExplanation) -> str:
     words = []
     for fit in explanation.fits:
         title, shaft = fit.candidate.kind.title, shafts.get(fit.candidate.identifier, fit.candidate.shaft)
-        words.append(f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[shaft]}")
+        words.append(f"{uncapitalised(title)}{SHAFT_WORDS[shaft]}")
     return " together with ".join(words)
 
 
@@ -223,8 +224,9 @@ def nearest(diagnosis: Diagnosis) -> str:
     naming = diagnosis.naming
     if naming is None or (share := nearest_share(naming)) < NEAREST_FROM:
         return ""
-    sets = ([f.candidate.kind.title for f in each.fits] for each in (naming.best, *naming.rivals[:1]))
-    closest = ", or ".join(" with ".join(f"{title[0].lower()}{title[1:]}" for title in titles) for titles in sets)
+    leading = naming.best, *naming.rivals[:1]
+    sets = (" with ".join(uncapitalised(fit.candidate.kind.title) for fit in each.fits) for each in leading)
+    closest = ", or ".join(sets)
     return f"the closest, {closest}, explains {share:.0%} of it, but {why_not_named(naming)}"
 
 
@@ -235,7 +237,7 @@ def faint(diagnosis: Diagnosis) -> str:
     sets, why = near_causes(diagnosis)
     if not sets:
         return f"No cause can be named: {why}."
-    titles = [f"{fit.candidate.kind.title[0].lower()}{fit.candidate.kind.title[1:]}" for (fit,) in sets]
+    titles = [uncapitalised(fit.candidate.kind.title) for (fit,) in sets]
     return f"No cause can be named. It may be {', '.join([*titles, 'or none of the catalogue'])}: {why}."
 
 
@@ -244,25 +246,10 @@ def _place(diagnosis: Diagnosis) -> str:
     return f"{differ} Most of it: {largest(diagnosis)}"
 
 
-FOLLOWED = {
-    "order": "the order of the points",
-    "run_history": "what was run before",
-    "previous_point": "the point before",
-    "speed_sun": "sun speed",
-    "speed_ring": "ring speed",
-    "speed_difference": "difference of the speeds",
-    "load": "load",
-    "power_flow": "power flow",
-    "direction": "direction of rotation",
-}
-"""What a torque may depend on, in words."""
-
-
 def largest(diagnosis: Diagnosis) -> str:
     """Where most of the difference is, as a sentence that begins with an article."""
     place = diagnosis.mismatch.locations[0]
-    words = (FOLLOWED.get(name, name.replace("_", " ")) for name in place.depends_on)
-    follows = " and ".join(words) or "nothing that was recorded"
+    follows = " and ".join(covariate_words(place.depends_on)) or "nothing that was recorded"
     special = {"all": "in every configuration", "zero": "at the zero checks"}
     where = special.get(place.configuration, f"in {place.configuration} points")
     shaft = place.signal.replace("torque_", "")

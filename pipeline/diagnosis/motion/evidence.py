@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermProblem
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS
@@ -201,12 +202,9 @@ def motion_evidence(
 
 def _run_by_run(of_part: list[Array | None]) -> list[Array | None]:
     """Columns of each stretch that no other one shares."""
-    widths = [0 if columns is None else columns.shape[1] for columns in of_part]
-    ends, whole = np.cumsum(widths), sum(widths)
-    return [
-        None if columns is None else np.pad(columns, ((0, 0), (end - columns.shape[1], whole - end)))
-        for columns, end in zip(of_part, ends, strict=True)
-    ]
+    whole = block_diag(*(np.zeros((0, 0)) if columns is None else columns for columns in of_part))
+    rows = np.cumsum([0 if columns is None else len(columns) for columns in of_part])[:-1]
+    return [None if columns is None else own for columns, own in zip(of_part, np.split(whole, rows), strict=True)]
 
 
 def _null(parts: list[Compressed], noise: tuple[RowNoise, ...], rng: np.random.Generator) -> Array:

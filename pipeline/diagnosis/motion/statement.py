@@ -17,6 +17,7 @@ from pmg.pipeline.diagnosis.motion.evidence import OFF_SHEET
 from pmg.pipeline.diagnosis.motion.places import largest_of, of_sheet, signal_of, size_of
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.motion.smooth import BAND
+from pmg.pipeline.wording.plurals import uncapitalised
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 
@@ -87,7 +88,7 @@ def causes(explanation: Explanation[TermFit, Any], shafts: dict[str, str] | None
     words = []
     for fit in explanation.fits:
         title = fit.candidate.title
-        words.append(f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[(shafts or {}).get(fit.identifier, fit.place)]}")
+        words.append(f"{uncapitalised(title)}{SHAFT_WORDS[(shafts or {}).get(fit.identifier, fit.place)]}")
     return " together with ".join(words)
 
 

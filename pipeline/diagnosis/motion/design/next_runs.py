@@ -10,6 +10,7 @@ from pmg.pipeline.diagnosis.engine.separation import ENOUGH
 from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue
 from pmg.pipeline.diagnosis.motion.design.foresight import Foresight
 from pmg.pipeline.diagnosis.motion.design.proposals import proposals
+from pmg.pipeline.wording.plurals import uncapitalised
 from pmg.sim.shafts import SIDES, other_side
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ class NextRun:
     @property
     def words(self) -> str:
         """What to do, how long it takes, with what power."""
-        return f"{self.title[0].lower()}{self.title[1:]} ({self.minutes:.0f} min, power {self.power:.0%})"
+        return f"{uncapitalised(self.title)} ({self.minutes:.0f} min, power {self.power:.0%})"
 
 
 def runs_to_see(found: MotionEvidence, blind: tuple[Unseen, ...], slow_noise: SlowNoise) -> tuple[NextRun, ...]:
