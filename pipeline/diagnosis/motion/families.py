@@ -16,8 +16,12 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array
 
-SLOWED = 51
-"""Fine samples over which a covariate is smoothed."""
+SLOWED, SLOWED_LESS = 51, 31
+"""Fine samples over which a covariate is smoothed: a tenth of a second; and an acceleration before it is derived twice,
+as the noise of the angle is most of what is left of it otherwise."""
+
+SWINGING = "second derivative of the acceleration"
+"""What the torque of a mass on a spring follows beyond its inertia, below its resonance."""
 
 PASSING_TORQUES = (0.03, 0.15)
 """Torques [N m] over which a rotor may change sides in its coupling."""
@@ -41,6 +45,7 @@ def structures(view: RotorView, spans: dict[str, float]) -> dict[str, Array]:
         "speed": _curve(view.speed, spans["speed"]),
         "acceleration": _curve(_slowed(view.state.acceleration), spans["acceleration"]),
         "torque": _curve(_slowed(view.shaft.torque), spans["torque"]),
+        SWINGING: _swinging(view),
         "direction": np.stack([view.direction**2, view.direction**2 * view.drag], 1),
         "time in the run": np.stack([time, time**2], 1) * view.drag[:, None],
         "time in the campaign": np.stack(
@@ -83,6 +88,13 @@ def slow_structures(views: list[RotorView]) -> list[Array]:
     return blocks
 
 
+def _swinging(view: RotorView) -> Array:
+    """Second derivative of the acceleration (n, 1)."""
+    rate = view.state.stretch.run.fine_rate
+    slowed = _slowed(view.state.acceleration, SLOWED_LESS)
+    return derivative(derivative(slowed, rate), rate)[:, None]
+
+
 def _play(view: RotorView) -> Array:
     """Acceleration of a rotor that changes sides with the sign of its torque, sharply and gently (n, 2)."""
     rate, torque = view.state.stretch.run.fine_rate, _slowed(view.shaft.torque)
@@ -109,10 +121,10 @@ def _spans_of(views: list[RotorView]) -> dict[str, float]:
     }
 
 
-def _slowed(values: Array) -> Array:
-    """A quantity at the fine samples without what is faster than a tenth of a second, for curves over it."""
-    weights = np.hanning(SLOWED)
-    return np.convolve(np.pad(values, SLOWED // 2, mode="edge"), weights / weights.sum(), "valid")
+def _slowed(values: Array, over: int = SLOWED) -> Array:
+    """A quantity at the fine samples without what is faster than `over` of them, as a curve over it needs."""
+    weights = np.hanning(over)
+    return np.convolve(np.pad(values, over // 2, mode="edge"), weights / weights.sum(), "valid")
 
 
 def _largest(values: list[Array]) -> float:

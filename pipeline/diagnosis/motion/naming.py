@@ -22,6 +22,7 @@ from pmg.pipeline.diagnosis.motion.catalogue import (
 )
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import amounts_of, fit_beside, noise_beside
+from pmg.pipeline.diagnosis.motion.mass_on_spring import on_spring
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
@@ -96,7 +97,7 @@ def name_causes(
         _, (found, meant, naming) = min(led, key=lambda each: each[0])
     naming = with_free_laws(naming, meant.problem, MotionCatalogue(), adequacy_test(meant.evidence))
     naming = with_late_look_alikes(without_held(with_look_alikes(naming, meant.problem)), meant.problem)
-    return found, meant, with_small_rest(naming, found)
+    return found, meant, on_spring(with_small_rest(naming, found), found)
 
 
 def _beside_whole(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit, ...]) -> MotionBaseline:

@@ -1,0 +1,70 @@
+"""A mass that is not fixed to its rotor: its torque grows towards a resonance, as that of a fixed one does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
+from pmg.pipeline.diagnosis.motion.catalogue import columns_beside
+from pmg.pipeline.diagnosis.motion.families import SWINGING
+from pmg.pipeline.motion.smooth import BAND
+from pmg.sim.signals import REVOLUTION
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
+    from pmg.sim.signals import Array
+
+FIXED_FROM = 2.7 * BAND
+"""Frequency of a resonance [Hz] from which on a mass passes for a fixed one: within the band it is felt as 16 % more
+at most."""
+
+PLAIN = 1.645
+"""Standard uncertainties by which a resonance must lie below that: chance does so one time in twenty."""
+
+
+def on_spring(naming: TermNaming, found: MotionEvidence) -> TermNaming:
+    r"""The answer, no inertia named where what it leaves says that the mass hangs on a spring.
+
+    Parameters
+    ----------
+    naming : TermNaming
+        The answer of the search.
+    found : MotionEvidence
+        In which it was found.
+
+    Notes
+    -----
+    A mass m on a spring of resonance :math:`\omega_0` acts on its rotor with :math:`m a / (1 - \omega^2/\omega_0^2)`;
+    below the resonance that is :math:`m (a - \ddot a / \omega_0^2)`. That is looked for where something is left.
+    """
+    if naming.remainder.p_value > FALSE_ALARM_RATE:
+        return naming
+    for place, fit in enumerate(naming.best.fits):
+        if fit.identifier == "rotor_inertia" and _below(naming.best.fits, place, found) > PLAIN:
+            why = f"leaves what a mass on a spring would, with a resonance below {FIXED_FROM:.0f} Hz"
+            return replace(naming, explained=False, in_the_main=False, against=why)
+    return naming
+
+
+def _below(fits: tuple[TermFit, ...], place: int, found: MotionEvidence) -> float:
+    """Standard uncertainties by which the resonance of the mass `fits[place]` lies below `FIXED_FROM`."""
+    mass = fits[place]
+    swinging = [
+        columns
+        for family, columns in zip(found.families, found.evidence.families, strict=True)
+        if (family.follows, family.side) == (SWINGING, mass.place)
+    ]
+    slopes = [found.problem.slopes(fit) for fit in fits]
+    columns = np.hstack([np.sum(swinging, axis=0), *slopes, columns_beside(found, fits)])
+    at = 1 + sum(slope.shape[1] for slope in slopes[:place])
+    length = np.linalg.norm(columns, axis=0)
+    length[length == 0.0] = 1.0
+    inverse = np.linalg.pinv(columns / length, rcond=1e-9) / length[:, None]
+    heavier = float(np.sign(mass.amplitudes[0]))
+    weights: Array = -heavier * (inverse[0] + inverse[at] / (REVOLUTION * FIXED_FROM) ** 2)
+    return float(weights @ found.y) / float(np.sqrt(found.covariance_of(weights[None])[0, 0]))
