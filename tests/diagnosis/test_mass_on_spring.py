@@ -1,0 +1,102 @@
+"""A mass that hangs on a spring is told from one that is fixed to its rotor: how often by chance, and in which words.
+
+The rows are drawn here: columns of an inertia, of what a spring adds to it, and of constants that take up a part of
+both, with white noise.
+"""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from tests.slow import slow
+
+from pmg.pipeline.diagnosis.balance.catalogue import TermNaming, TermSet
+from pmg.pipeline.diagnosis.balance.fitting import TermFit
+from pmg.pipeline.diagnosis.engine.adequacy import Remainder
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.motion.candidates.library import library
+from pmg.pipeline.diagnosis.motion.compressed import Family
+from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
+from pmg.pipeline.diagnosis.motion.document import motion_document
+from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
+from pmg.pipeline.diagnosis.motion.families import SWINGING
+from pmg.pipeline.diagnosis.motion.mass_on_spring import FIXED_FROM, on_spring
+from pmg.pipeline.trials.motion.nature import measure_motion_case
+from pmg.pipeline.trials.score.case_list import draw_motion_lots
+from pmg.sim.bench import load_bench
+
+ROWS, DRAWS, MASS = 200, 600, 2e-3
+TERMS = {term.key: term for term in library()}
+
+
+def _naming(key: str, mass: float, p_value: float = 0.01) -> TermNaming:
+    fit = TermFit(TERMS[key], 100.0, 1.0, np.zeros(ROWS), (), np.array([mass]), math.nan)
+    best = TermSet((fit,), SimpleNamespace())  # type: ignore[arg-type]
+    return TermNaming(best, (), {fit.identifier: fit.place}, Remainder(p_value, 12.0, 9.0), True, True, (), ())
+
+
+def _evidence(mass: float, resonance: float, rng: np.random.Generator) -> MotionEvidence:
+    """Rows of a rotor that carries a mass on a spring of a resonance [Hz]."""
+    inertia, swinging, constant = rng.standard_normal((3, ROWS))
+    inertia, swinging = (
+        20.0 * (inertia + constant) / MASS,
+        20.0 * (swinging + constant) / MASS * (2.0 * np.pi * 30.0) ** 2,
+    )
+    y = mass * (inertia - swinging / (2.0 * np.pi * resonance) ** 2) + 5.0 * constant + rng.standard_normal(ROWS)
+    families = [
+        Family("ring", "neutral", SWINGING),
+        Family("sun", "neutral", SWINGING),
+        Family("sun", "neutral", "speed"),
+    ]
+    columns = (rng.standard_normal(ROWS), swinging, constant)
+    return cast(
+        "MotionEvidence",
+        SimpleNamespace(
+            families=families,
+            evidence=SimpleNamespace(families=[column[:, None] for column in columns]),
+            problem=SimpleNamespace(slopes=lambda _: inertia[:, None]),
+            columns=constant[:, None],
+            of_sheet=np.zeros(ROWS, dtype=np.bool_),
+            y=y,
+            covariance_of=lambda weights: weights @ weights.T,
+        ),
+    )
+
+
+@pytest.mark.parametrize("mass", [MASS, -MASS])
+def test_a_soft_mass_is_not_named_but_told_to_swing(mass: float) -> None:
+    told = on_spring(_naming("rotor_inertia/sun/", mass), _evidence(mass, 35.0, np.random.default_rng(1)))
+    assert not told.may_be_named
+    assert told.against == "leaves what a mass on a spring would, with a resonance below 76 Hz"
+
+
+def test_a_stiff_mass_at_the_limit_is_taken_for_a_soft_one_one_time_in_twenty() -> None:
+    rng = np.random.default_rng(2)
+    naming = _naming("rotor_inertia/sun/", MASS)
+    soft = sum(not on_spring(naming, _evidence(MASS, FIXED_FROM, rng)).may_be_named for _ in range(DRAWS))
+    assert 0.03 < soft / DRAWS < 0.075
+    assert all(on_spring(naming, _evidence(MASS, 300.0, rng)) is naming for _ in range(100))
+
+
+@pytest.mark.parametrize(("key", "p_value"), [("rotor_inertia/sun/", 0.06), ("torque_gain_error/sun/", 0.01)])
+def test_where_nothing_is_left_or_no_mass_is_named_nothing_changes(key: str, p_value: float) -> None:
+    naming = _naming(key, MASS, p_value)
+    assert on_spring(naming, _evidence(MASS, 35.0, np.random.default_rng(3))) is naming
+
+
+@slow
+@pytest.mark.parametrize(
+    ("kind", "number", "verdict"), [("outside", 10, Verdict.NOT_IN_LIBRARY), ("one", 46, Verdict.NAMED)]
+)
+def test_campaigns_of_the_trial_tell_a_loose_mass_from_a_fixed_one(kind: str, number: int, verdict: Verdict) -> None:
+    lot = draw_motion_lots(number + 1, 20261127101, (kind,))[number]
+    runs = tuple(measure_motion_case(lot.draw(), lot.rng("measure")))
+    found = diagnose_motion("mass", runs, load_bench(), np.random.default_rng(0))
+    assert found.verdict is verdict
+    assert found.naming is not None
+    assert found.naming.best.ids == {"rotor_inertia"}
+    assert ("would, with a resonance below" in motion_document(found)["statement"]) is (verdict is not Verdict.NAMED)
