@@ -237,7 +237,7 @@ def _verdict(
     figures = [("Points accepted", f"{int(grid.accepted.sum())} of {len(grid)}")]
     if agreed is not None:
         out = int(agreed.compared.sum()) - int(agreed.within.sum())
-        figures.append(("Points out of tolerance", f"{out} of {int(agreed.compared.sum())}"))
+        figures.append(("Compared points out of tolerance", f"{out} of {int(agreed.compared.sum())}"))
     if diagnosis is None:
         reason = str(analysis.missing[0]) if analysis.missing else ""
         text = f"No comparison was possible. {reason}".strip()

@@ -65,8 +65,10 @@ class CorrectedLosses:
         for part in self.parts:
             known = {parameter.name: parameter for parameter in part.kind.parameters()}
             for name, value in part.values.items():
-                unit = "" if known[name].unit == "1" else f" {known[name].unit}"
-                words.append(f"{known[name].meaning} {numerals.number(value)}{unit}")
+                parameter = known[name]
+                share = parameter.unit == "1"
+                size = numerals.number(100.0 * value if share else value, 2 if share else None)
+                words.append(f"{parameter.meaning} {size} {'%' if share else parameter.unit}")
         return "; ".join(words)
 
 

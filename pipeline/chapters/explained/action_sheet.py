@@ -10,7 +10,7 @@ from pmg.pipeline.chapters.bench_parts import GROUNDS, bench_parts, part_words
 from pmg.pipeline.chapters.explained.before_after import before_and_after
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.diagnosis import possible_components
-from pmg.pipeline.diagnosis.grid.remedy import bench_action, best_test, lifting, words_of_test
+from pmg.pipeline.diagnosis.grid.remedy import LIKELY, bench_action, best_test, lifting, words_of_test
 from pmg.pipeline.diagnosis.grid.statement import (
     beyond,
     by_chance,
@@ -22,6 +22,7 @@ from pmg.pipeline.diagnosis.grid.statement import (
     near,
     nearest,
     phrase,
+    shaft_of,
     torque_change,
 )
 from pmg.pipeline.diagnosis.grid.track_record import track_record
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
+    from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
     from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.grid.readings import Readings
@@ -132,7 +134,7 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
             side, what, size = torque_change(diagnosis, fit)
             title = fit.candidate.kind.title
             why = "" if len(fits) == 1 else f" because of {uncapitalised(title)}"
-            yield f"The {side} {what} is off{why}: {size}"
+            yield f"The {side} {what} is off{why}: {size}{_taken_up(diagnosis, diagnosis.naming.best, fit)}"
     else:
         where, side = largest(diagnosis), diagnosis.mismatch.locations[0].signal.removeprefix("torque_")
         yield f"{capitalised(where)} Repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m."
@@ -153,6 +155,18 @@ def _sureness(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"{counted(mismatch.tested, 'kind')} of dependence tested; {alarms}"
         yield from _hidden(diagnosis)
     yield from (sentence for sentence in (near(diagnosis), by_chance(diagnosis)) if sentence)
+
+
+MOSTLY_TAKEN_UP = 3.0
+"""Largest torque of a mechanism over what the fitted losses leave of it, from which on both are told."""
+
+
+def _taken_up(diagnosis: Diagnosis, best: GridExplanation, fit: CandidateFit) -> str:
+    """Sentence on the largest torque of a mechanism, where the fitted losses take up most of it."""
+    at = (fit.effect != 0.0) & diagnosis.mismatch.readings.of_shaft[shaft_of(diagnosis, fit)]
+    whole, left = (float(np.abs(each[at]).max()) for each in (fit.effect, best.problem.unabsorbed(fit)))
+    words = f" Its whole torque is up to {whole * 1e3:.2g} mN m; the fitted losses take up the rest."
+    return words if whole > MOSTLY_TAKEN_UP * left else ""
 
 
 def _hidden(diagnosis: Diagnosis) -> Iterator[str]:
@@ -180,7 +194,8 @@ def _action(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict is Verdict.CONSISTENT:
         return "Nothing."
     if diagnosis.verdict is not Verdict.NOT_IN_LIBRARY:
-        return "Repair nothing yet: the next test tells." if diagnosis.next_tests else "Repair nothing yet."
+        likely = any(test.power >= LIKELY for test in diagnosis.next_tests)
+        return "Repair nothing yet: the next test tells." if likely else "Repair nothing yet."
     parts = [part_words(each) for place in diagnosis.mismatch.locations[:1] for each in possible_components(place)]
     if not parts:
         side = diagnosis.mismatch.locations[0].signal.removeprefix("torque_")

@@ -35,10 +35,13 @@ def highest_loss(found: tuple[CorrectedLosses, ...], balance: PowerBalance | Non
     u = float(balance.u(loss_name)[i])
     as_read = numerals.measured(float(balance.values[loss_name][i]), 2.0 * u)
     without = [(one.values[loss_name][i], np.hypot(u, one.spread[loss_name][i]), one.description) for one in found]
-    others = "; ".join(
-        f"{numerals.measured(float(v), 2.0 * float(w))} W with {fault} taken out" for v, w, fault in without
-    )
+    others = "; ".join(f"{_loss(float(v), 2.0 * float(w))} with {fault} taken out" for v, w, fault in without)
     return f"At {balance.grid.points.name[i]} the total loss is {as_read} W as read (U = 2u); {others}."
+
+
+def _loss(value: float, expanded: float) -> str:
+    """A loss with its U, or without where it has none."""
+    return f"{numerals.measured(value, expanded)} W" if np.isfinite(expanded) else f"{value:.1f} W (U unknown)"
 
 
 def sensor_fault_items(found: tuple[CorrectedLosses, ...], balance: PowerBalance) -> tuple[Text | Table, ...]:

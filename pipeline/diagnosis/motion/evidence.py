@@ -25,7 +25,7 @@ from pmg.pipeline.diagnosis.motion.constants import (
     passage_names,
     ripple_names,
 )
-from pmg.pipeline.diagnosis.motion.families import spans_by_kind
+from pmg.pipeline.diagnosis.motion.families import SWINGING, spans_by_kind
 from pmg.pipeline.diagnosis.motion.noise.hum import hums_of
 from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, wander_at_knots
 from pmg.pipeline.diagnosis.motion.view import views_of
@@ -89,6 +89,9 @@ class MotionEvidence:
         What it was linearised about.
     columns : (m, k) array
         Of the constants of the baseline.
+    swinging : dict of str to (m, 1) array
+        By shaft, what the torque of a mass on a spring follows beyond its inertia. It is not looked for in itself: the
+        noise of an acceleration follows it, too.
     y : (m,) array
         Measured less predicted.
     scatter : float
@@ -109,6 +112,7 @@ class MotionEvidence:
     block: npt.NDArray[np.int64]
     baseline: MotionBaseline
     columns: Array
+    swinging: dict[str, Array]
     y: Array
     scatter: float
     noise: tuple[RowNoise, ...]
@@ -160,18 +164,14 @@ def motion_evidence(
         blocks = [np.zeros((n, width)) if b is None else b for n, b in zip(sizes, of_part, strict=True)]
         return np.vstack([*blocks, np.zeros((len(known), width))])
 
-    families = tuple(dict.fromkeys(family for part in parts for family in part.structures))
-    found = []
-    for family in families:
-        of_part = [part.structures.get(family) for part in parts]
-        alone = _run_by_run(of_part) if family.by_run else of_part
-        found.append(stacked(alone, next(b.shape[1] for b in alone if b is not None)))
-    scatter = _scatter(np.concatenate([*(part.left for part in parts), off]), [columns, *found])
+    looked, swinging = _looked_for(parts, stacked)
+    scatter = _scatter(np.concatenate([*(part.left for part in parts), off]), [columns, *looked.values()])
     unit = np.where(block < len(parts), 1.0 / scatter, 1.0)
-    y, columns, found = unit * y, unit[:, None] * columns, [unit[:, None] * each for each in found]
+    y, columns = unit * y, unit[:, None] * columns
+    looked = {family: unit[:, None] * each for family, each in looked.items()}
+    swinging = {side: unit[:, None] * each for side, each in swinging.items()}
     for name, names in OF_SHEET.items():
-        families = (*families, Family("both", OFF_SHEET, name))
-        found.append(_units_of_sheet(baseline.sheet, names, len(y)))
+        looked[Family("both", OFF_SHEET, name)] = _units_of_sheet(baseline.sheet, names, len(y))
     tables = {}
     for term in terms:
         shapes, a = shapes_of(term), len(term.amplitudes)
@@ -192,12 +192,28 @@ def motion_evidence(
 
     problem = TermProblem(*freed(columns, y), _remembered(worked_out, tables), tables, ABSORBED_BY_SHEET)
     draws = np.vstack([_null(parts, tuple(noise), rng), rng.standard_normal((len(known), DRAWS))])
-    unexplained = np.array([part.unexplained for part in parts])
-    evidence = Evidence(problem.left, problem.baseline, found, (np.ones(len(y), dtype=np.bool_),), draws)
-    of_wander = tuple(part.of_wander for part in parts)
-    return MotionEvidence(
-        evidence, problem, families, block, baseline, columns, y, scatter, tuple(noise), of_wander, unexplained
-    )
+    every = (np.ones(len(y), dtype=np.bool_),)
+    evidence = Evidence(problem.left, problem.baseline, list(looked.values()), every, draws)
+    about = evidence, problem, tuple(looked), block, baseline, columns, swinging, y, scatter, tuple(noise)
+    of_parts = tuple(part.of_wander for part in parts), np.array([part.unexplained for part in parts])
+    return MotionEvidence(*about, *of_parts)
+
+
+def _looked_for(
+    parts: list[Compressed], stacked: Callable[[list[Array | None], int], Array]
+) -> tuple[dict[Family, Array], dict[str, Array]]:
+    """Columns of every family that is looked for, and of what a mass on a spring adds, by shaft."""
+    looked: dict[Family, Array] = {}
+    swinging: dict[str, Array] = {}
+    for family in dict.fromkeys(family for part in parts for family in part.structures):
+        of_part = [part.structures.get(family) for part in parts]
+        alone = _run_by_run(of_part) if family.by_run else of_part
+        whole = stacked(alone, next(b.shape[1] for b in alone if b is not None))
+        if family.follows == SWINGING:
+            swinging[family.side] = whole + swinging.get(family.side, 0.0)
+        else:
+            looked[family] = whole
+    return looked, swinging
 
 
 def _run_by_run(of_part: list[Array | None]) -> list[Array | None]:

@@ -9,7 +9,6 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
 from pmg.pipeline.diagnosis.motion.catalogue import columns_beside
-from pmg.pipeline.diagnosis.motion.families import SWINGING
 from pmg.pipeline.motion.smooth import BAND
 from pmg.sim.signals import REVOLUTION
 
@@ -23,8 +22,8 @@ FIXED_FROM = 2.7 * BAND
 """Frequency of a resonance [Hz] from which on a mass passes for a fixed one: within the band it is felt as 16 % more
 at most."""
 
-PLAIN = 1.645
-"""Standard uncertainties by which a resonance must lie below that: chance does so one time in twenty."""
+PLAIN = 2.33
+"""Standard uncertainties by which a resonance must lie below that: chance does so one time in a hundred."""
 
 
 def on_spring(naming: TermNaming, found: MotionEvidence) -> TermNaming:
@@ -54,13 +53,8 @@ def on_spring(naming: TermNaming, found: MotionEvidence) -> TermNaming:
 def _below(fits: tuple[TermFit, ...], place: int, found: MotionEvidence) -> float:
     """Standard uncertainties by which the resonance of the mass `fits[place]` lies below `FIXED_FROM`."""
     mass = fits[place]
-    swinging = [
-        columns
-        for family, columns in zip(found.families, found.evidence.families, strict=True)
-        if (family.follows, family.side) == (SWINGING, mass.place)
-    ]
     slopes = [found.problem.slopes(fit) for fit in fits]
-    columns = np.hstack([np.sum(swinging, axis=0), *slopes, columns_beside(found, fits)])
+    columns = np.hstack([found.swinging[mass.place], *slopes, columns_beside(found, fits)])
     at = 1 + sum(slope.shape[1] for slope in slopes[:place])
     length = np.linalg.norm(columns, axis=0)
     length[length == 0.0] = 1.0
