@@ -22,7 +22,7 @@ from pmg.pipeline.diagnosis.grid.statement import (
     near,
     nearest,
     phrase,
-    shaft_of,
+    taken_up,
     torque_change,
 )
 from pmg.pipeline.diagnosis.grid.track_record import track_record
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
     from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.grid.readings import Readings
@@ -134,7 +133,7 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
             side, what, size = torque_change(diagnosis, fit)
             title = fit.candidate.kind.title
             why = "" if len(fits) == 1 else f" because of {uncapitalised(title)}"
-            yield f"The {side} {what} is off{why}: {size}{_taken_up(diagnosis, diagnosis.naming.best, fit)}"
+            yield f"The {side} {what} is off{why}: {size}{taken_up(diagnosis, fit)}"
     else:
         where, side = largest(diagnosis), diagnosis.mismatch.locations[0].signal.removeprefix("torque_")
         yield f"{capitalised(where)} Repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m."
@@ -149,24 +148,12 @@ def _sureness(diagnosis: Diagnosis) -> Iterator[str]:
     if (record := track_record(diagnosis)) is not None:
         yield record.sentence
     if diagnosis.verdict is Verdict.CONFOUNDED:
-        yield "Nothing was found that a drift could not have made. Slow changes are neither shown nor excluded."
+        yield "All that was found could be drift or real loss. Slow changes are neither shown nor excluded."
     elif not mismatch.found:
         alarms = f"{mismatch.false_alarm_rate:.0%} of campaigns without a difference raise an alarm."
         yield f"{counted(mismatch.tested, 'kind')} of dependence tested; {alarms}"
         yield from _hidden(diagnosis)
     yield from (sentence for sentence in (near(diagnosis), by_chance(diagnosis)) if sentence)
-
-
-MOSTLY_TAKEN_UP = 3.0
-"""Largest torque of a mechanism over what the fitted losses leave of it, from which on both are told."""
-
-
-def _taken_up(diagnosis: Diagnosis, best: GridExplanation, fit: CandidateFit) -> str:
-    """Sentence on the largest torque of a mechanism, where the fitted losses take up most of it."""
-    at = (fit.effect != 0.0) & diagnosis.mismatch.readings.of_shaft[shaft_of(diagnosis, fit)]
-    whole, left = (float(np.abs(each[at]).max()) for each in (fit.effect, best.problem.unabsorbed(fit)))
-    words = f" Its whole torque is up to {whole * 1e3:.2g} mN m; the fitted losses take up the rest."
-    return words if whole > MOSTLY_TAKEN_UP * left else ""
 
 
 def _hidden(diagnosis: Diagnosis) -> Iterator[str]:
@@ -181,7 +168,7 @@ def _hidden(diagnosis: Diagnosis) -> Iterator[str]:
         return
     listed = ", ".join(f"{uncapitalised(title)} {size:.1f}" for size, title in seen[:HIDDEN_LISTED])
     others = f"; {counted(len(seen) - HIDDEN_LISTED, 'other kind')} less" if len(seen) > HIDDEN_LISTED else ""
-    yield f"A fault below these sizes can still hide (95 % power, mN m rms): {listed}{others}."
+    yield f"Smaller faults than these may be missed (95 % power; mN m rms): {listed}{others}."
     if never := [uncapitalised(title) for title, size in largest_by.items() if not np.isfinite(size)]:
         yield f"Not detectable at any size: {', '.join(never)}."
 
@@ -208,13 +195,15 @@ def _next(diagnosis: Diagnosis) -> str:
     """Which test is next, and the command that writes its sheet."""
     verdict, tests = diagnosis.verdict, diagnosis.next_tests
     if verdict is Verdict.NAMED:
-        return f"To confirm the cause on new points: {SHEET}."
+        test = diagnosis.confirming
+        return f"To confirm: {words_of_test(test, AGAIN)} Its sheet: {SHEET}." if test else "None is needed."
     if verdict is Verdict.CONFOUNDED:
         return f"{lifting(diagnosis)} {f'Its sheet: {SHEET}.' if tests else ''}".rstrip()
     if verdict is Verdict.CONSISTENT:
         return "None is needed. `pmg design PLAN.toml` shows which plan of points would find smaller faults."
     if tests:
-        return f"{words_of_test(best_test(tests))} Its sheet: {SHEET}."
+        does = (AGAIN,) if verdict is Verdict.NOT_IN_LIBRARY else ()
+        return f"{words_of_test(best_test(tests), *does)} Its sheet: {SHEET}."
     return "No test of those known tells them apart: compare with a campaign of the same bench (`pmg report A B`)."
 
 
@@ -267,6 +256,9 @@ def _efficiency(readings: Readings, wrong: Array, rows: npt.NDArray[np.int64]) -
 
 SHEET = "`pmg next --store STORE --out DIR`"
 """Command that writes the sheet of the next test."""
+
+AGAIN = "shows it again"
+"""What a test does that repeats a difference."""
 
 HIDDEN_LISTED = 3
 """Mechanisms whose detectable size is given."""

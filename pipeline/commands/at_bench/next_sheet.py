@@ -14,7 +14,6 @@ from pmg.pipeline.commands.motion import campaign_in_motion
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.stored_analysis import analysed
 from pmg.pipeline.diagnosis.design.expected_readings import expected_readings
-from pmg.pipeline.diagnosis.design.next_test import confirming_test
 from pmg.pipeline.diagnosis.design.plans import A_POINT
 from pmg.pipeline.diagnosis.grid.candidates import grid_problem
 from pmg.pipeline.diagnosis.grid.statement import causes, phrase
@@ -116,7 +115,7 @@ def _question(whole: StoredAnalysis, diagnosis: Diagnosis) -> _Question | None:
     best = diagnosis.naming.best
     open_ = {causes(diagnosis, best): best.fits}
     if not diagnosis.rivals:
-        test = confirming_test(problem, best.fits, floor)
+        test = diagnosis.confirming
         words = "The cause is named; this test confirms it on new readings."
         return None if test is None else _Question(words, open_ | {WITHOUT: ()}, test, problem)
     open_ |= {causes(diagnosis, rival.explanation): rival.explanation.fits for rival in diagnosis.rivals}

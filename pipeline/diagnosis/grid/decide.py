@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.design.blind import confounded_shafts, slow_changes
-from pmg.pipeline.diagnosis.design.next_test import form_test, lifting_test, next_test, repeated_test
+from pmg.pipeline.diagnosis.design.next_test import confirming_test, form_test, lifting_test, next_test, repeated_test
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
 from pmg.pipeline.diagnosis.engine.conclusion import conclude
@@ -128,6 +128,7 @@ def diagnose(
         absorbed=_swallowed(calibration, found),
         law=tuple(power for fit in best.fits for power in law_powers(problem, fit)) if best.bent else (),
         form_test=form_test(problem, best, further, floor) if further and said.verdict is Verdict.NAMED else None,
+        confirming=confirming_test(problem, best.fits, floor) if said.verdict is Verdict.NAMED else None,
         decoys=None if said.weak else smooth_decoys(problem, naming, rng),
     )
 

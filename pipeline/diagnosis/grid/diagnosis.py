@@ -71,6 +71,8 @@ class Diagnosis(Conclusion[CandidateFit, GridProblem]):
         The test that would tell an error of that form from a further cause, where either takes up what is left.
     repeated : NextTest or None
         The test that shows whether a difference comes again, where no mechanism explains it.
+    confirming : NextTest or None
+        The test that would show a named cause once more.
     """
 
     campaign: str
@@ -86,6 +88,7 @@ class Diagnosis(Conclusion[CandidateFit, GridProblem]):
     law: tuple[LawPower, ...] = ()
     form_test: NextTest | None = None
     repeated: NextTest | None = None
+    confirming: NextTest | None = None
 
     @property
     def next_tests(self) -> tuple[NextTest, ...]:

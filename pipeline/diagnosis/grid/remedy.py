@@ -84,7 +84,7 @@ def lifting(diagnosis: Diagnosis) -> str:
         return "Repeat points spread over the grid, in random order."
     sizes = " and ".join(f"{HIDDEN * diagnosis.floor[side].u / MILLI:.1f} mN m ({side})" for side in diagnosis.blind)
     drift = f"a drift of {HIDDEN:g} times the repeatability, {sizes} rms,"
-    power = f"It shows {drift} with a probability of {test.power:.0%}; a smaller one less often."
+    power = f"It would show {drift} with a probability of {test.power:.0%}; a smaller one less often."
     return f"{test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). {power}"
 
 
@@ -92,10 +92,9 @@ LIKELY = 0.5
 """Power below which a test more often fails than not."""
 
 
-def words_of_test(test: NextTest) -> str:
-    """A test with its bench time and its power, as a sentence."""
+def words_of_test(test: NextTest, does: str = "tells them apart") -> str:
+    """A test with its bench time, what it `does` and its power, as a sentence."""
     plan, minutes = test.plan, f"{test.plan.seconds / MINUTE:.0f} min"
-    does = "tells them apart" if test.separates else "confirms this"
     weak = " Too weak to rely on: it is the best of those known." if test.power < LIKELY else ""
     return f"{plan.description} ({minutes}; it {does} {test.power:.0%} of the time).{weak}"
 

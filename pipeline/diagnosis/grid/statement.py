@@ -29,7 +29,7 @@ SHAFT_WORDS = {
     "sun": " on the sun shaft",
     "ring": " on the ring shaft",
     "both": "",
-    "either": " (sun or ring: both read the same)",
+    "either": " of the sun or of the ring (which of them cannot be told)",
 }
 
 PHRASES = {
@@ -159,6 +159,19 @@ def torque_change(diagnosis: Diagnosis, fit: CandidateFit) -> tuple[str, str, st
         "torque" if read else "drag",
         f"{low} to {high} mN m beyond the fitted losses (repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m).",
     )
+
+
+MOSTLY_TAKEN_UP = 3.0
+"""Largest torque of a mechanism over what the fitted losses leave of it, from which on both are told."""
+
+
+def taken_up(diagnosis: Diagnosis, fit: CandidateFit) -> str:
+    """Sentence on the largest torque of a mechanism, where the fitted losses take up most of it; else empty."""
+    assert diagnosis.naming is not None
+    at = (fit.effect != 0.0) & diagnosis.mismatch.readings.of_shaft[shaft_of(diagnosis, fit)]
+    whole, left = (float(np.abs(e[at]).max()) for e in (fit.effect, diagnosis.naming.best.problem.unabsorbed(fit)))
+    words = f" Its whole torque is up to {whole * 1e3:.2g} mN m; the fitted losses take up the rest."
+    return words if whole > MOSTLY_TAKEN_UP * left else ""
 
 
 def shaft_of(diagnosis: Diagnosis, fit: CandidateFit) -> str:
