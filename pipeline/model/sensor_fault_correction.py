@@ -15,6 +15,7 @@ from pmg.pipeline.fit.losses import total_loss_and_efficiency
 from pmg.pipeline.model.apply_model import fit_together
 from pmg.pipeline.model.model_file import fitted_model
 from pmg.pipeline.wording import numerals
+from pmg.pipeline.wording.units import displayed
 from pmg.sim import signals
 from pmg.sim.mechanisms.base import Instrument, Torques
 from pmg.sim.mechanisms.instruments import distorted
@@ -66,9 +67,8 @@ class CorrectedLosses:
             known = {parameter.name: parameter for parameter in part.kind.parameters()}
             for name, value in part.values.items():
                 parameter = known[name]
-                share = parameter.unit == "1"
-                size = numerals.number(100.0 * value if share else value, 2 if share else None)
-                words.append(f"{parameter.meaning} {size} {'%' if share else parameter.unit}")
+                factor, unit = displayed(parameter.unit, share=True)
+                words.append(f"{parameter.meaning} {numerals.number(factor * value, spec='.2g')}{unit}")
         return "; ".join(words)
 
 

@@ -100,3 +100,10 @@ def kind_of(topic: str, unit: str, where: str) -> str:
             return kind
     known = [name for kind in kinds for name in KINDS[kind]]
     raise BenchError(f"{where}: unit", f"'{unit}'", f"a unit of which {topic} is made", near_miss(unit, known))
+
+
+def displayed(unit: str, *, share: bool) -> tuple[float, str]:
+    """Factor and unit, with a space before it, by which a value is shown: a share of something in per cent."""
+    if unit != "1":
+        return 1.0, f" {unit}"
+    return (100.0, " %") if share else (1.0, "")

@@ -22,7 +22,7 @@ from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, sum
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.decide import JUDGE_DRAWS
 from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis, Rival
-from pmg.pipeline.diagnosis.grid.statement import statement
+from pmg.pipeline.diagnosis.grid.statement import statement, taken_up
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.losses import power_balance
 from pmg.pipeline.fit.options import AnalysisOptions
@@ -30,6 +30,7 @@ from pmg.pipeline.model.compared_campaign import ComparedCampaign
 from pmg.pipeline.report.document import Chart, Figure, Measured, Section, Table
 from pmg.pipeline.report.summary import summary
 from pmg.pipeline.trials.nature import draw_case, measure_case
+from pmg.pipeline.wording import numerals
 from pmg.sim.bench import load_bench
 from pmg.sim.mechanisms.warmed import WarmingBearings
 from pmg.sim.signals import Array
@@ -226,6 +227,10 @@ def test_the_sheet_answers_where_why_how_sure_what_to_do_and_at_what_cost(judged
     name = "Cause named: lubricant viscosity falling with temperature on the ring shaft. Fitted: "
     assert said["Verdict"].startswith(name)
     assert "`pmg next --store STORE --out DIR`" in said["Next test"]
+    test = diagnosis.confirming
+    assert test is not None
+    assert said["Next test"].startswith(f"To confirm: {test.plan.description} ({test.plan.seconds / 60.0:.0f} min; it ")
+    assert f"it shows it again {test.power:.0%} of the time" in said["Next test"]
     assert len(re.findall("rms", " ".join(said.values()))) == 0
     assert said["What differs"].startswith("The ring drag is off: ")
     assert "`pmg compare --model model.toml`" in said["In the model"]
@@ -326,6 +331,7 @@ def test_what_a_fault_of_a_reading_costs_is_what_the_warning_says(judged: Compar
     sheet = action_sheet(misread, residual, "", "At P1 the total loss is 5 W as read.")
     said = {each.question: " ".join(each.sentences) for each in sheet.answers}
     assert said["If ignored"] == "At P1 the total loss is 5 W as read."
+    assert f" {numerals.number(100.0 * float(fault.values[0]))} ± 0 %" in said["Verdict"]
     assert {part.mark for part in sheet.parts} == {"", "either"}
 
 
@@ -347,6 +353,36 @@ def test_an_ambiguous_sheet_marks_every_possible_part_and_speaks_of_no_sure_caus
     (chart,) = sheet.figure.panels
     assert isinstance(chart, Chart)
     assert [series.name for series in chart.series][-1] == "with the first possible cause"
+
+
+@pytest.mark.parametrize(("power", "promised"), [(0.13, False), (0.5, True), (0.86, True)])
+def test_a_test_is_promised_to_tell_only_where_it_is_likely_to(
+    judged: ComparedCampaign, power: float, promised: bool
+) -> None:
+    diagnosis = judged.diagnosis
+    assert diagnosis.naming is not None
+    assert diagnosis.confirming is not None
+    rival = Rival(diagnosis.naming.best, replace(diagnosis.confirming, power=power))
+    said = answers_of(
+        replace(diagnosis, verdict=Verdict.AMBIGUOUS, rivals=(rival,)),
+        np.zeros(len(diagnosis.mismatch.readings.torque)),
+    )
+    assert said["On the bench"] == f"Repair nothing yet{': the next test tells' * promised}."
+    assert ("Too weak to rely on" in said["Next test"]) is not promised
+    assert f"it tells them apart {power:.0%} of the time" in said["Next test"]
+
+
+@pytest.mark.parametrize(("times", "told"), [(2.9, False), (3.1, True)])
+def test_the_whole_effect_is_told_where_the_fitted_losses_take_up_most_of_it(
+    judged: ComparedCampaign, times: float, told: bool
+) -> None:
+    diagnosis = judged.diagnosis
+    assert diagnosis.naming is not None
+    (fit,) = diagnosis.naming.best.fits
+    whole = times * diagnosis.naming.best.problem.unabsorbed(fit)
+    said = taken_up(diagnosis, replace(fit, effect=whole))
+    most = float(np.abs(whole[diagnosis.mismatch.readings.of_shaft["ring"]]).max())
+    assert said == f" In all the effect is up to {most * 1e3:.0f} mN m; the fitted losses take up the rest." * told
 
 
 def test_a_point_without_a_ring_torque_takes_no_efficiency_away(judged: ComparedCampaign) -> None:

@@ -34,7 +34,7 @@ def test_it_stands_in_place_of_the_words_of_the_verdict() -> None:
     assert "A drag that grows with speed is missing." not in page
     assert "A drag that grows with speed. Fitted: 3 mN m." in page
     assert "<code>pmg compare</code>" in page
-    assert 'href="#findings" aria-label="Grounds: Cause"' in page
+    assert 'href="#findings" aria-label="Evidence: Cause"' in page
     assert page.count('class="grounds"') == 1
     assert page.index('id="picture"') < page.index('id="findings"')
     assert made.figures[0] is PICTURE

@@ -180,13 +180,13 @@ def _action(diagnosis: Diagnosis) -> str:
         return f"{capitalised(action)}." if action else "Nothing to repair: this is physics the model lacks."
     if diagnosis.verdict is Verdict.CONSISTENT:
         return "Nothing."
+    likely = any(test.power >= LIKELY for test in diagnosis.next_tests)
     if diagnosis.verdict is not Verdict.NOT_IN_LIBRARY:
-        likely = any(test.power >= LIKELY for test in diagnosis.next_tests)
         return "Repair nothing yet: the next test tells." if likely else "Repair nothing yet."
     parts = [part_words(each) for place in diagnosis.mismatch.locations[:1] for each in possible_components(place)]
     if not parts:
         side = diagnosis.mismatch.locations[0].signal.removeprefix("torque_")
-        again = " The next test shows whether it comes back." if diagnosis.next_tests else ""
+        again = " The next test shows whether it comes back." if likely else ""
         return f"Change nothing yet: look on the {side} shaft for what the difference depends on.{again}"
     return f"Inspect the {', the '.join(parts[:-1])}{' and the ' if parts[1:] else ''}{parts[-1]}."
 
@@ -265,7 +265,7 @@ HIDDEN_LISTED = 3
 
 IN_THE_MODEL = {
     Verdict.NAMED: "`model.toml` holds the cause: compare with it (`pmg compare --model model.toml`).",
-    Verdict.AMBIGUOUS: "`model.toml` holds the first possible cause: do not rely on it before the next test.",
+    Verdict.AMBIGUOUS: "`model.toml` holds the first possible cause: do not rely on it yet.",
     Verdict.NOT_IN_LIBRARY: "`model.toml` holds the fitted losses alone: there is no known term to add.",
     Verdict.CONFOUNDED: "`model.toml` may hold a drift in its losses: do not simulate with it yet.",
     Verdict.CONSISTENT: "`model.toml` is the calibrated bench: simulate with it (`pmg simulate --model model.toml`).",

@@ -17,6 +17,7 @@ from pmg.pipeline.diagnosis.motion.statement import (
     causes,
     effect_size,
     largest_place,
+    nearest,
     phrase,
     proof_sentence,
     row_noise_of,
@@ -89,12 +90,12 @@ def _answers(
         "What differs", tuple(_difference(diagnosis, effects)), "locations" * bool(diagnosis.mismatch.locations)
     )
     if naming is not None and diagnosis.verdict is Verdict.AMBIGUOUS:
-        sets = [causes(each) for each in (naming.best, *naming.rivals)]
-        listed = tuple(f"{i}. {capitalised(each)}." for i, each in enumerate(sets, 1))
+        listed = tuple(f"{i}. {capitalised(causes(e))}." for i, e in enumerate((naming.best, *naming.rivals), 1))
         unknown = ("Or one that the catalogue does not have.",) if diagnosis.weak else ()
         yield SheetAnswer("Possible causes", (*listed, *unknown), "rivals")
     elif diagnosis.mismatch.found and diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
-        yield SheetAnswer("Cause", ("No mechanism of the catalogue explains it. We can show where, not why.",))
+        closest = (f"{capitalised(words)}.",) if (words := nearest(diagnosis)) else ()
+        yield SheetAnswer("Cause", ("No mechanism of the catalogue explains it: we can show where, not why.", *closest))
     yield SheetAnswer("How sure", _sureness(diagnosis), GROUNDS)
     if diagnosis.unseen:
         spots = (f"{spot.words}{SHAFT_WORDS[spot.term.shaft]}" for spot in diagnosis.unseen)
@@ -136,8 +137,7 @@ def _action(diagnosis: MotionDiagnosis) -> str:
 def _next(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...]) -> str:
     """Which run is next."""
     if diagnosis.next_runs:
-        words = next_run(diagnosis)
-        return f"{capitalised(words)}. The references of its drives stand under Grounds."
+        return f"{capitalised(next_run(diagnosis))}. The references of its drives stand under Evidence."
     if not diagnosis.mismatch.found:
         return "None is needed."
     clearest = _clearest(diagnosis, effects, traces)

@@ -33,10 +33,10 @@ def highest_loss(found: tuple[CorrectedLosses, ...], balance: PowerBalance | Non
     loss_name = signals.LOSS_TOTAL.name
     i = int(np.argmax(balance.values[loss_name]))
     u = float(balance.u(loss_name)[i])
-    as_read = numerals.measured(float(balance.values[loss_name][i]), 2.0 * u)
+    as_read = _loss(float(balance.values[loss_name][i]), 2.0 * u)
     without = [(one.values[loss_name][i], np.hypot(u, one.spread[loss_name][i]), one.description) for one in found]
     others = "; ".join(f"{_loss(float(v), 2.0 * float(w))} with {fault} taken out" for v, w, fault in without)
-    return f"At {balance.grid.points.name[i]} the total loss is {as_read} W as read (U = 2u); {others}."
+    return f"At {balance.grid.points.name[i]} the total loss is {as_read} as read (U = 2u); {others}."
 
 
 def _loss(value: float, expanded: float) -> str:

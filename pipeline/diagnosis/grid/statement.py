@@ -10,11 +10,11 @@ import numpy as np
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.covariate_words import covariate_words
 from pmg.pipeline.diagnosis.grid.law_words import form_sentences
-from pmg.pipeline.diagnosis.grid.remedy import advice, lifting, words_of_test
+from pmg.pipeline.diagnosis.grid.remedy import advice, best_test, lifting, words_of_test
 from pmg.pipeline.diagnosis.grid.rivals import is_faint, near_causes, nearest_share, why_not_named, why_weak
 from pmg.pipeline.wording import numerals
-from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.plurals import capitalised, counted, uncapitalised
+from pmg.pipeline.wording.units import displayed
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.shafts import SIDES
 
@@ -84,19 +84,16 @@ def _without_outliers(diagnosis: Diagnosis) -> str:
         sentences.append(form_sentences(diagnosis))
         sentences.append(advice(diagnosis))
     else:
-        sets = [causes(diagnosis, diagnosis.naming.best)]
-        sets += [causes(diagnosis, rival.explanation) for rival in diagnosis.rivals]
-        known = "; or ".join(sets)
+        sets = diagnosis.naming.best, *(rival.explanation for rival in diagnosis.rivals)
+        known = "; or ".join(causes(diagnosis, each) for each in sets)
         if diagnosis.weak:
             none = "or one that the catalogue does not have"
             sentences.append(f"{why_weak(diagnosis)[1]}. Possible causes: {known}; {none}.")
         else:
             sentences.append(f"These recordings cannot tell between: {known}.")
         sentences += [_size(diagnosis, fit) for fit in diagnosis.naming.best.fits]
-        tests = [rival.test for rival in diagnosis.rivals if rival.test is not None]
-        if tests:
-            test = max(tests, key=lambda test: test.power)
-            sentences.append(f"Do: {words_of_test(test)}")
+        if tests := tuple(rival.test for rival in diagnosis.rivals if rival.test is not None):
+            sentences.append(f"Do: {words_of_test(best_test(tests))}")
     sentences += [near(diagnosis), held_out(diagnosis), by_chance(diagnosis)]
     return " ".join(sentence for sentence in sentences if sentence)
 
@@ -140,9 +137,9 @@ def _size(diagnosis: Diagnosis, fit: CandidateFit) -> str:
     assert naming is not None
     subject = "It changes" if len(naming.best.fits) == 1 else f"{fit.candidate.kind.title} changes"
     side, what, size = torque_change(diagnosis, fit)
-    left = f"{naming.best.problem.visible(fit) * 1e3:.1f}"
     full = f"Against {fit.candidate.kind.without}, its full effect is {fit.size * 1e3:.1f} mN m rms"
-    return f"{subject} the {side} {what} by {size} {full}; the fitted losses absorb all but {left} mN m."
+    left = f"the fitted losses absorb all but {naming.best.problem.visible(fit) * 1e3:.1f} mN m."
+    return f"{subject} the {side} {what} by {size} {full}; {left}"
 
 
 def torque_change(diagnosis: Diagnosis, fit: CandidateFit) -> tuple[str, str, str]:
@@ -168,10 +165,11 @@ MOSTLY_TAKEN_UP = 3.0
 def taken_up(diagnosis: Diagnosis, fit: CandidateFit) -> str:
     """Sentence on the largest torque of a mechanism, where the fitted losses take up most of it; else empty."""
     assert diagnosis.naming is not None
-    at = (fit.effect != 0.0) & diagnosis.mismatch.readings.of_shaft[shaft_of(diagnosis, fit)]
-    whole, left = (float(np.abs(e[at]).max()) for e in (fit.effect, diagnosis.naming.best.problem.unabsorbed(fit)))
-    words = f" Its whole torque is up to {whole * 1e3:.2g} mN m; the fitted losses take up the rest."
-    return words if whole > MOSTLY_TAKEN_UP * left else ""
+    best, of_shaft = diagnosis.naming.best, diagnosis.mismatch.readings.of_shaft[shaft_of(diagnosis, fit)]
+    at = (fit.effect != 0.0) & of_shaft
+    whole, left = (float(np.abs(each[at]).max()) for each in (fit.effect, best.problem.unabsorbed(fit)))
+    words = f" In all the effect is up to {whole * 1e3:.0f} mN m; the fitted losses take up the rest."
+    return words * (whole > MOSTLY_TAKEN_UP * left)
 
 
 def shaft_of(diagnosis: Diagnosis, fit: CandidateFit) -> str:
@@ -191,14 +189,15 @@ def fitted(diagnosis: Diagnosis, i: int) -> str:
     values, errors = found.values[i], found.standard_errors[i]
     best = _surest(values, errors, len(fit.candidate.sizes))
     first, value, error = fit.candidate.parameters[best], values[best], errors[best]
-    number = measured(float(value), float(error)) if np.isfinite(error) else f"{value:.3g}"
-    unit = "" if first.unit == "1" else f" {first.unit}"
+    factor, unit = displayed(first.unit, share=issubclass(fit.candidate.kind, Instrument))
+    value, error = factor * float(value), factor * float(error)
+    number = numerals.measured(value, error) if np.isfinite(error) else f"{value:.3g}"
     instead, other = "", naming.on_the_other_shaft(fit)
     if other is not None:
         there = other.candidate.parameters[best]
-        instead = f", or {there.meaning} {numerals.number(float(other.values[best]))}{unit}"
+        instead = f", or {there.meaning} {numerals.number(factor * float(other.values[best]))}{unit}"
     powers = [
-        f"; {p.meaning} {measured(float(value), float(error))}"
+        f"; {p.meaning} {numerals.measured(float(value), float(error))}"
         for p, value, error in zip(fit.candidate.parameters, values, errors, strict=True)
         if p.name in fit.candidate.powers and np.isfinite(error)
     ]
@@ -262,7 +261,7 @@ def _place(diagnosis: Diagnosis) -> str:
 def largest(diagnosis: Diagnosis) -> str:
     """Where most of the difference is, as a sentence that begins with an article."""
     place = diagnosis.mismatch.locations[0]
-    follows = " and ".join(covariate_words(place.depends_on)) or "nothing that was recorded"
+    follows = " and ".join(covariate_words(place.depends_on)) or "nothing recorded"
     special = {"all": "in every configuration", "zero": "at the zero checks"}
     where = special.get(place.configuration, f"in {place.configuration} points")
     shaft = place.signal.replace("torque_", "")

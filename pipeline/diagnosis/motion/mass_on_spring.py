@@ -22,6 +22,10 @@ FIXED_FROM = 2.7 * BAND
 """Frequency of a resonance [Hz] from which on a mass passes for a fixed one: within the band it is felt as 16 % more
 at most."""
 
+READ_LOW = 1.3
+"""Factor at most by which a resonance may lie above what is read, as the acceleration is smoothed before it is derived
+twice and the torque is not."""
+
 PLAIN = 2.33
 """Standard uncertainties by which a resonance must lie below that: chance does so one time in a hundred."""
 
@@ -45,7 +49,7 @@ def on_spring(naming: TermNaming, found: MotionEvidence) -> TermNaming:
         return naming
     for place, fit in enumerate(naming.best.fits):
         if fit.identifier == "rotor_inertia" and _below(naming.best.fits, place, found) > PLAIN:
-            why = f"leaves what a mass on a spring would, with a resonance below {FIXED_FROM:.0f} Hz"
+            why = f"the rest looks like a mass on a spring, its resonance below {READ_LOW * FIXED_FROM:.0f} Hz"
             return replace(naming, explained=False, in_the_main=False, against=why)
     return naming
 

@@ -53,12 +53,8 @@ def statement(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
         return f"{none}{_unseen(diagnosis)}"
     sentences = [_place(diagnosis)]
     if naming is None or not diagnosis.verdict.names:
-        share = 0.0 if naming is None else nearest_share(naming)
-        nearest = ""
-        if naming is not None and share >= NEAREST_FROM:
-            but = f"explains {share:.0%} of it, but {why_not_named(naming, 'runs')}"
-            nearest = f" (the closest, {causes(naming.best)}, {but})"
-        sentences.append(f"No mechanism of the catalogue explains it{nearest}. We can show where, not why.")
+        closest = f" ({words})" if (words := nearest(diagnosis)) else ""
+        sentences.append(f"No mechanism of the catalogue explains it{closest}. We can show where, not why.")
     elif diagnosis.verdict is Verdict.NAMED:
         sentences.append(f"Cause: {causes(naming.best, naming.shafts)}.")
     else:
@@ -81,6 +77,14 @@ def _unseen(diagnosis: MotionDiagnosis) -> str:
         return ""
     spots = [f"{spot.words}{SHAFT_WORDS[spot.term.shaft]}" for spot in diagnosis.unseen]
     return f" These runs could not have shown: {'; '.join(spots)}. {advice(diagnosis)}"
+
+
+def nearest(diagnosis: MotionDiagnosis) -> str:
+    """The mechanism that comes nearest, where it takes up a good part of the difference, and why it is not named."""
+    naming = diagnosis.naming
+    if naming is None or (share := nearest_share(naming)) < NEAREST_FROM:
+        return ""
+    return f"the closest, {causes(naming.best)}, explains {share:.0%} of it, but {why_not_named(naming, 'runs')}"
 
 
 def causes(explanation: Explanation[TermFit, Any], shafts: dict[str, str] | None = None) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.remedy import LIKELY
 from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER, merged
 from pmg.pipeline.diagnosis.motion.places import where_to_look
 
@@ -68,7 +69,7 @@ def can_be_mended(diagnosis: MotionDiagnosis) -> bool:
 
 def would_tell(diagnosis: MotionDiagnosis) -> bool:
     """Whether a run is known that would tell, more likely than not."""
-    return any(run.power >= LEAST_POWER for run in diagnosis.next_runs)
+    return any(run.power >= LIKELY for run in diagnosis.next_runs)
 
 
 def next_run(diagnosis: MotionDiagnosis) -> str:
