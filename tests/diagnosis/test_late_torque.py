@@ -149,6 +149,7 @@ def test_leaders_that_do_not_settle_are_held_against_each_other(
     monkeypatch.setattr(naming, "without_opposed", lambda found: found)
     monkeypatch.setattr(naming, "_searched", lambda *_: next(searches))
     monkeypatch.setattr(naming, "_left_by", lambda *_: next(sums))
+    monkeypatch.setattr(naming, "on_spring", lambda found, _: found)
     for name in ("with_free_laws", "with_look_alikes", "with_late_look_alikes", "without_held", "with_small_rest"):
         monkeypatch.setattr(naming, name, lambda found, *_: found)
     steps, rng = Steps(None, *naming.SEARCH_STEPS), np.random.default_rng(0)
