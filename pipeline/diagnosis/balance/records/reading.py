@@ -177,7 +177,7 @@ def _moved(
     besides[TURNED_BEFORE] = np.full_like(time, _turned_before(position[: drop + 1], speed[: drop + 1], rest_speed))
     if given.rest_speed is None and float(np.abs(speed[inner]).max()) <= rest_speed:
         came = f"a speed of {np.abs(speed[inner]).max():.3g} {case.axis.speed} at most, which may be noise"
-        raise RecordingError(str(path), came, "a machine that moves", "Check the channels and their units.")
+        raise RecordingError(str(path), came, "a machine that moves", _of_rest(values.get("force"), case))
     acceleration = smoother.slope(speed)[inner]
     besides[NOISY] = np.zeros_like(time)
     besides[NOISY][inner] = smoother.noise_in(acceleration, noise[1], of_position="velocity" not in values)
@@ -194,6 +194,16 @@ def _moved(
         {key: each[inner] for key, each in besides.items()},
         REST * noise[1],
     )
+
+
+def _of_rest(force: Array | None, case: Case) -> str:
+    """What to do with a record at rest: its mean is the zero, where the drive was off."""
+    check = "Check the channels and their units."
+    if force is None:
+        return check
+    size = f'value = {float(np.mean(force)):.4g}, unit = "{case.axis.push}"'
+    zero = f'[[model.known]] term = "constant_offset", parameter = "F0", {size}'
+    return f"{check} Of a record at rest with the drive off, state the zero ({zero}) and move it away."
 
 
 def _turned_before(position: Array, speed: Array, rest_speed: float) -> float:
