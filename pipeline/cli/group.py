@@ -146,5 +146,4 @@ def _given(names: Sequence[str], words: Sequence[str]) -> str | None:
 
 def _lower(problem: Any) -> str:  # noqa: ANN401 - as above
     """Typer's own words, to go on after a colon."""
-    text = str(problem.format_message()).rstrip(".")
-    return uncapitalised(text)
+    return uncapitalised(str(problem.format_message()).rstrip("."))

@@ -10,7 +10,7 @@ from pmg.pipeline.chapters.bench_parts import GROUNDS, bench_parts, part_words
 from pmg.pipeline.chapters.explained.before_after import before_and_after
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.diagnosis import possible_components
-from pmg.pipeline.diagnosis.grid.remedy import LIKELY, bench_action, best_test, lifting, words_of_test
+from pmg.pipeline.diagnosis.grid.remedy import AGAIN, APART, LIKELY, bench_action, best_test, lifting, words_of_test
 from pmg.pipeline.diagnosis.grid.statement import (
     beyond,
     by_chance,
@@ -202,8 +202,8 @@ def _next(diagnosis: Diagnosis) -> str:
     if verdict is Verdict.CONSISTENT:
         return "None is needed. `pmg design PLAN.toml` shows which plan of points would find smaller faults."
     if tests:
-        does = (AGAIN,) if verdict is Verdict.NOT_IN_LIBRARY else ()
-        return f"{words_of_test(best_test(tests), *does)} Its sheet: {SHEET}."
+        does = AGAIN if verdict is Verdict.NOT_IN_LIBRARY else APART
+        return f"{words_of_test(best_test(tests), does)} Its sheet: {SHEET}."
     return "No test of those known tells them apart: compare with a campaign of the same bench (`pmg report A B`)."
 
 
@@ -256,9 +256,6 @@ def _efficiency(readings: Readings, wrong: Array, rows: npt.NDArray[np.int64]) -
 
 SHEET = "`pmg next --store STORE --out DIR`"
 """Command that writes the sheet of the next test."""
-
-AGAIN = "shows it again"
-"""What a test does that repeats a difference."""
 
 HIDDEN_LISTED = 3
 """Mechanisms whose detectable size is given."""

@@ -92,7 +92,11 @@ LIKELY = 0.5
 """Power below which a test more often fails than not."""
 
 
-def words_of_test(test: NextTest, does: str = "tells them apart") -> str:
+APART, AGAIN = "tells them apart", "shows it again"
+"""What a test does that tells causes apart, and one that repeats a difference."""
+
+
+def words_of_test(test: NextTest, does: str = APART) -> str:
     """A test with its bench time, what it `does` and its power, as a sentence."""
     plan, minutes = test.plan, f"{test.plan.seconds / MINUTE:.0f} min"
     weak = " Too weak to rely on: it is the best of those known." if test.power < LIKELY else ""

@@ -29,7 +29,7 @@ SHAFT_WORDS = {
     "sun": " on the sun shaft",
     "ring": " on the ring shaft",
     "both": "",
-    "either": " of the sun or of the ring (which of them cannot be told)",
+    "either": " of the sun or the ring (these recordings cannot say which)",
 }
 
 PHRASES = {
@@ -159,7 +159,7 @@ def torque_change(diagnosis: Diagnosis, fit: CandidateFit) -> tuple[str, str, st
 
 
 MOSTLY_TAKEN_UP = 3.0
-"""Largest torque of a mechanism over what the fitted losses leave of it, from which on both are told."""
+"""Largest torque of a mechanism over what the fitted losses leave of it, from which on both are reported."""
 
 
 def taken_up(diagnosis: Diagnosis, fit: CandidateFit) -> str:

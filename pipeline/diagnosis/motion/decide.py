@@ -24,6 +24,7 @@ from pmg.pipeline.diagnosis.motion.fitted_size import error_of_law, fitted_size
 from pmg.pipeline.diagnosis.motion.naming import SEARCH_STEPS, name_causes
 from pmg.pipeline.diagnosis.motion.withheld import WithheldRuns, by_kind, by_run
 from pmg.pipeline.files.progress import Steps
+from pmg.pipeline.fit.span import pseudo_inverse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -234,9 +235,7 @@ def _together(
     free = [fit.candidate.free_parameters for fit in fits]
     columns = np.hstack([columns_beside(found, fits), *(s * f for s, f in zip(slopes, free, strict=True))])
     effect = sum((s[:, : len(f.amplitudes)] @ f.amplitudes for s, f in zip(slopes, fits, strict=True)), 0.0 * found.y)
-    length = np.linalg.norm(columns, axis=0)
-    length[length == 0.0] = 1.0
-    inverse = np.linalg.pinv(columns / length, rcond=1e-9) / length[:, None]
+    inverse = pseudo_inverse(columns)
     moved = inverse @ (found.y - effect)
     covariance = found.covariance_of(inverse)
     errors = np.sqrt(np.diag(covariance))

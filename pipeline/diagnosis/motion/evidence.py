@@ -172,15 +172,7 @@ def motion_evidence(
     swinging = {side: unit[:, None] * each for side, each in swinging.items()}
     for name, names in OF_SHEET.items():
         looked[Family("both", OFF_SHEET, name)] = _units_of_sheet(baseline.sheet, names, len(y))
-    tables = {}
-    for term in terms:
-        shapes, a = shapes_of(term), len(term.amplitudes)
-        whole = stacked([part.candidates.get(term.key) for part in parts], len(shapes) * a)
-        if term.constants:
-            whole = _of_sheet(baseline.sheet, term.constants, len(y))
-        if whole.any():
-            tables[term.key] = Tabled(term, shapes, (unit[:, None] * whole).reshape(len(whole), len(shapes), a))
-
+    tables = _tabled(terms, parts, stacked, baseline.sheet, unit)
     views = views_of(baseline.clean)  # those before hold all that was worked out for the tables
 
     def worked_out(term: MotionTerm, shape: float) -> Array:
@@ -194,9 +186,39 @@ def motion_evidence(
     draws = np.vstack([_null(parts, tuple(noise), rng), rng.standard_normal((len(known), DRAWS))])
     every = (np.ones(len(y), dtype=np.bool_),)
     evidence = Evidence(problem.left, problem.baseline, list(looked.values()), every, draws)
-    about = evidence, problem, tuple(looked), block, baseline, columns, swinging, y, scatter, tuple(noise)
-    of_parts = tuple(part.of_wander for part in parts), np.array([part.unexplained for part in parts])
-    return MotionEvidence(*about, *of_parts)
+    return MotionEvidence(
+        evidence=evidence,
+        problem=problem,
+        families=tuple(looked),
+        block=block,
+        baseline=baseline,
+        columns=columns,
+        swinging=swinging,
+        y=y,
+        scatter=scatter,
+        noise=tuple(noise),
+        of_wander=tuple(part.of_wander for part in parts),
+        unexplained=np.array([part.unexplained for part in parts]),
+    )
+
+
+def _tabled(
+    terms: tuple[MotionTerm, ...],
+    parts: list[Compressed],
+    stacked: Callable[[list[Array | None], int], Array],
+    sheet: DataSheet,
+    unit: Array,
+) -> dict[str, Tabled]:
+    """Whitened columns of each term that acts, over its shapes, in the `unit` (m,) of the rows."""
+    tables = {}
+    for term in terms:
+        shapes, a = shapes_of(term), len(term.amplitudes)
+        whole = stacked([part.candidates.get(term.key) for part in parts], len(shapes) * a)
+        if term.constants:
+            whole = _of_sheet(sheet, term.constants, len(unit))
+        if whole.any():
+            tables[term.key] = Tabled(term, shapes, (unit[:, None] * whole).reshape(len(whole), len(shapes), a))
+    return tables
 
 
 def _looked_for(

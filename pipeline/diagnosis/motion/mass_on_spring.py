@@ -9,6 +9,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
 from pmg.pipeline.diagnosis.motion.catalogue import columns_beside
+from pmg.pipeline.fit.span import pseudo_inverse
 from pmg.pipeline.motion.smooth import BAND
 from pmg.sim.signals import REVOLUTION
 
@@ -60,9 +61,7 @@ def _below(fits: tuple[TermFit, ...], place: int, found: MotionEvidence) -> floa
     slopes = [found.problem.slopes(fit) for fit in fits]
     columns = np.hstack([found.swinging[mass.place], *slopes, columns_beside(found, fits)])
     at = 1 + sum(slope.shape[1] for slope in slopes[:place])
-    length = np.linalg.norm(columns, axis=0)
-    length[length == 0.0] = 1.0
-    inverse = np.linalg.pinv(columns / length, rcond=1e-9) / length[:, None]
+    inverse = pseudo_inverse(columns)
     heavier = float(np.sign(mass.amplitudes[0]))
     weights: Array = -heavier * (inverse[0] + inverse[at] / (REVOLUTION * FIXED_FROM) ** 2)
     return float(weights @ found.y) / float(np.sqrt(found.covariance_of(weights[None])[0, 0]))

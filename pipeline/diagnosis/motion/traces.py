@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.motion.catalogue import columns_beside
 from pmg.pipeline.diagnosis.motion.noise.row_noise import slow_spread
 from pmg.pipeline.diagnosis.motion.view import views_of
+from pmg.pipeline.fit.span import pseudo_inverse
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
@@ -124,11 +125,7 @@ def constants_covariance(diagnosis: MotionDiagnosis) -> Array:
     found = diagnosis.evidence
     fits = named_fits(diagnosis)
     columns = np.hstack([columns_beside(found, fits), *(found.problem.slopes(fit) for fit in fits)])
-    length = np.linalg.norm(columns, axis=0)
-    length[length == 0.0] = 1.0
-    inverse = np.linalg.pinv(columns / length, rcond=1e-9)[: found.columns.shape[1]]
-    inverse /= length[: found.columns.shape[1], None]
-    return found.covariance_of(inverse)
+    return found.covariance_of(pseudo_inverse(columns)[: found.columns.shape[1]])
 
 
 def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> tuple[TorqueTrace, ...]:
