@@ -70,12 +70,17 @@ def plain(m: Moving) -> Array:
     return 80.0 * m.a + 150.0 * m.v
 
 
-def record(path: Path, m: Moving, force: Callable[[Moving], Array], rng: np.random.Generator, noise: float) -> None:
-    """A recording as CSV: noise of the force is correlated over some 20 ms, the encoder resolves 0.1 um."""
+def record(
+    path: Path, m: Moving, force: Callable[[Moving], Array], rng: np.random.Generator, noise: float, blur: float = 0.0
+) -> None:
+    """A recording as CSV: noise of the force is correlated over some 20 ms, the encoder resolves 0.1 um.
+
+    `blur` is white noise of the encoder [m].
+    """
     white = rng.standard_normal(len(m.t) + 200)
     coloured = lfilter([np.sqrt(1.0 - 0.8**2)], [1.0, -0.8], white)[200:]
     u = (force(m) + noise * coloured) / 40.0
-    q = np.round(m.q * 1e7) / 1e4
+    q = np.round((m.q + blur * rng.standard_normal(len(m.q))) * 1e7) / 1e4
     rows = "\n".join(f"{t:.6f},{a:.5f},{b:.9f}" for t, a, b in zip(m.t, q, u, strict=True))
     path.write_text(f"t,q,u\n{rows}\n")
 
@@ -89,11 +94,12 @@ def make_case(
     noise: float = 1.0,
     seconds: float = SECONDS,
     moves: Callable[[np.random.Generator, float], Moving] = motion,
+    blur: float = 0.0,
 ) -> Path:
     """A case with two recordings of one machine."""
     rng = np.random.default_rng(seed)
     for name in ("fit.csv", "withheld.csv"):
-        record(folder / name, moves(rng, seconds), force, rng, noise)
+        record(folder / name, moves(rng, seconds), force, rng, noise, blur)
     path = folder / "case.toml"
     path.write_text(CASE.format(terms=terms, more=more))
     return path

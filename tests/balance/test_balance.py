@@ -204,7 +204,7 @@ def test_intervals_cover_under_correlated_noise_where_plain_ones_do_not() -> Non
         noise = lfilter([1.0], [1.0, -0.9], rng.standard_normal(n + 200))[200:]
         got = np.linalg.lstsq(design, noise, rcond=None)[0]
         left = noise - design @ got
-        error = np.sqrt(covariance_of(design, left, n // BLOCKS)[0, 0])
+        error = np.sqrt(covariance_of(design, left, np.asarray(got, np.float64), BLOCKS)[0, 0])
         hits += abs(got[0]) < T_95 * error
         plain_hits += abs(got[0]) < 1.96 * np.sqrt(float(left @ left) / n * inverse[0, 0])
     assert 0.86 <= hits / 200 <= 0.99

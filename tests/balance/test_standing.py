@@ -75,8 +75,8 @@ def test_what_holds_a_machine_at_rest_is_no_friction(tmp_path: Path) -> None:
 
 
 def test_friction_that_is_larger_at_low_speed_is_named_between_rests(tmp_path: Path) -> None:
-    """A refinement that no machine has, here a mass behind a gap of -300 kg, is dropped, and takes no name with it."""
-    found = diagnosed(tmp_path, bell, 3)
+    """A refinement that no machine has, here a mass behind a gap below zero, is dropped, and takes no name with it."""
+    found = diagnosed(tmp_path, bell, 1)
     assert found.verdict is Verdict.NAMED
     assert {step.added for step in found.steps[1:]} == {"stribeck"}
     assert not found.impossible

@@ -13,7 +13,7 @@ from pmg.pipeline.chapters.explained.low_passes import low_passes_table
 from pmg.pipeline.diagnosis.balance.causes import named_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.document import percent, separating_test, taken_for_granted, title_of, titled
 from pmg.pipeline.diagnosis.balance.library.drive import EMPS
-from pmg.pipeline.diagnosis.balance.serial import ANDREWS_MONAHAN
+from pmg.pipeline.diagnosis.balance.serial import KUENSCH
 from pmg.pipeline.report.document import Cell, Column, Facts, Measured, Section, Table, Text
 from pmg.sim import sources
 
@@ -183,9 +183,9 @@ def _parameters(d: TermsDiagnosis) -> Section:
     table = Table(
         "terms-parameters",
         "Parameters",
-        "Least squares on thinned rows, as published, with errors from the scores over neighbouring samples; and least "
-        "squares on rows freed from serial correlation. The last lines give what a rival's own terms come to beside "
-        "the named ones.",
+        "Least squares on thinned rows, noise of the acceleration allowed for, with intervals from leaving out blocks "
+        "of neighbouring samples; and least squares on rows freed from serial correlation. The last lines give what a "
+        "rival's own terms come to beside the named ones.",
         (
             Column("model", "Model"),
             Column("term", "Term"),
@@ -207,7 +207,7 @@ def _parameters(d: TermsDiagnosis) -> Section:
         (Column("parameter", "Parameter"), Column("before", "Before", format=".5g"), Column("after", "After")),
         swallowed,
     )
-    return Section("terms-parameters-section", "Parameters", (table, absorbed), (ANDREWS_MONAHAN,))
+    return Section("terms-parameters-section", "Parameters", (table, absorbed), (KUENSCH,))
 
 
 def _search(d: TermsDiagnosis) -> Section:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from pmg.pipeline.diagnosis.balance.fitting import shape_step
+from pmg.pipeline.diagnosis.balance.library.term import NOISY
 from pmg.pipeline.diagnosis.balance.serial import covariance_of
 from pmg.pipeline.diagnosis.engine.held_out import solve
 from pmg.pipeline.diagnosis.engine.withheld import BLOCKS
@@ -29,6 +30,9 @@ CERTAIN = 5.0
 """Standard errors by which a parameter must lie outside its range to be one that no machine has: a term named beside it
 may take its part, as a power of speed takes that of dry friction."""
 
+STEPS, LONGEST, ENOUGH = 20, 0.2, 1e-5
+"""Steps in which shapes are fitted together, the longest, as part of a shape, and one that moves nothing any more."""
+
 INERTIA = "inertia"
 """Term that the equation of motion is solved for."""
 
@@ -42,7 +46,7 @@ class Estimate:
     term, name, unit : str
         Whose it is, SI unit.
     value, standard_error : float
-        By least squares, the published practice; its error from the scores of neighbouring samples.
+        By least squares, the published practice, noise of the acceleration allowed for; its error from a jackknife.
     whitened, whitened_error : float
         By least squares on whitened rows. NaN for a shape, which both share.
     """
@@ -150,23 +154,26 @@ def reversals(recorded: Recorded) -> Array:
 def fit_together(
     recorded: Recorded, noise: SerialNoise, baseline: tuple[Term[Motion], ...], fits: tuple[TermFit, ...]
 ) -> FittedTerms:
-    """Least squares of baseline and terms together.
+    """Baseline and terms fitted together, the shapes of the terms too.
 
     Notes
     -----
-    Least squares on the thinned rows is the practice of the published reference models. Errors come from the scores,
-    summed over lags up to a block of neighbours (`serial.covariance_of`), with the derivative to each shape as
-    further columns, so that a shape that is not known widens the error of its amplitude.
+    Least squares on the thinned rows is the practice of the published reference models. Noise of a measured
+    acceleration would make the inertia too small, so what is left is made orthogonal to the acceleration freed from
+    noise. Errors come from leaving out blocks of neighbours (`serial.covariance_of`), with the derivative to each
+    shape as a further column, so that a shape that is not known widens the error of its amplitude.
     """
+    fits = _settled(recorded, baseline, fits)
     design = design_of(recorded, baseline, fits)
-    values = solve(design, recorded.force)
-    slopes = _slopes(recorded, fits, values[len(design.T) - sum(len(f.amplitudes) for f in fits) :])
-    lags = len(recorded.force) // BLOCKS
-    full = np.hstack([design, slopes])
-    error = np.sqrt(np.diag(covariance_of(full, recorded.force - design @ values, lags)))
+    values = _solve_quiet(recorded, baseline, design, recorded.force)
+    full = np.hstack([design, _slopes(recorded, fits, _amplitudes(fits, values))])
+    known = np.r_[values, np.zeros(full.shape[1] - len(values))]
+    left, quiet = recorded.force - design @ values, _quiet(recorded, baseline, full)
+    error = np.sqrt(np.diag(covariance_of(full, left, known, BLOCKS, quiet)))
     white, force = noise.whiten(full), noise.whiten(recorded.force[:, None])[:, 0]
     again = solve(white[:, : design.shape[1]], force)
-    white_error = np.sqrt(np.diag(covariance_of(white, force - white[:, : design.shape[1]] @ again, lags)))
+    left, known = force - white[:, : design.shape[1]] @ again, np.r_[again, known[len(again) :]]
+    white_error = np.sqrt(np.diag(covariance_of(white, left, known, BLOCKS)))
     names = [(t.identifier, q.name, q.unit) for t in baseline for q in t.amplitudes]
     names += [(f.identifier, q.name, q.unit) for f in fits for q in f.candidate.amplitudes]
     estimates = [
@@ -182,6 +189,67 @@ def fit_together(
             )
         )
     return FittedTerms(baseline, fits, values, tuple(estimates))
+
+
+def _settled(recorded: Recorded, baseline: tuple[Term[Motion], ...], fits: tuple[TermFit, ...]) -> tuple[TermFit, ...]:
+    """Terms with their shapes fitted together by steps of Gauss and Newton; as they were where those lead nowhere.
+
+    Each was searched beside the terms that were found before it; those that came later move it.
+    """
+    tried, most = fits, math.inf
+    for _ in range(STEPS):
+        design = design_of(recorded, baseline, tried)
+        values = _solve_quiet(recorded, baseline, design, recorded.force)
+        slopes = _slopes(recorded, tried, _amplitudes(tried, values))
+        left = recorded.force - design @ values
+        squares = float(left @ left)
+        most = squares if tried is fits else most
+        moves = _solve_quiet(recorded, baseline, np.hstack([design, slopes]), left)[len(values) :]
+        moved, farthest = _moved(tried, moves)
+        if farthest < ENOUGH:
+            return tried if squares <= most else fits
+        tried = moved
+    return fits
+
+
+def _moved(fits: tuple[TermFit, ...], moves: Array) -> tuple[tuple[TermFit, ...], float]:
+    """Terms with their shapes moved where that keeps to the bounds, and the farthest move, as part of a shape."""
+    rest, found, farthest = iter(moves), [], 0.0
+    for fit in fits:
+        quantity = fit.candidate.shape
+        if quantity is not None:
+            part = float(np.clip(next(rest) / fit.shape, -LONGEST, LONGEST))
+            shape = fit.shape * math.exp(part)
+            if not fit.candidate.one_of and quantity.bounds[0] < shape < quantity.bounds[1]:
+                fit, farthest = replace(fit, shape=shape), max(farthest, abs(part))
+        found.append(fit)
+    return tuple(found), farthest
+
+
+def _amplitudes(fits: tuple[TermFit, ...], values: Array) -> Array:
+    """Those of the terms, which come last."""
+    return values[len(values) - sum(len(f.amplitudes) for f in fits) :]
+
+
+def _quiet(recorded: Recorded, baseline: tuple[Term[Motion], ...], columns: Array) -> Array:
+    """Columns (n, k) with the acceleration of the inertia freed from noise; the same where none is known."""
+    noise = recorded.motion.besides.get(NOISY)
+    place = next((i for i, term in enumerate(baseline) if term.identifier == INERTIA), None)
+    if noise is None or place is None:
+        return columns
+    quiet = columns.copy()
+    quiet[:, place] -= recorded.thin(noise[:, None])[:, 0]
+    return quiet
+
+
+def _solve_quiet(recorded: Recorded, baseline: tuple[Term[Motion], ...], columns: Array, y: Array) -> Array:
+    """Amplitudes (k,) that leave nothing along the quiet columns; by least squares where no noise is known."""
+    quiet = _quiet(recorded, baseline, columns)
+    if quiet is columns:
+        return solve(columns, y)
+    length = np.linalg.norm(columns, axis=0)
+    length[length == 0.0] = 1.0
+    return np.asarray(solve((quiet / length).T @ (columns / length), (quiet / length).T @ y) / length)
 
 
 def _slopes(recorded: Recorded, fits: tuple[TermFit, ...], amplitudes: Array) -> Array:

@@ -28,11 +28,14 @@ FLOOR = 0.01
 A record low-passed at a third of its thinned rate holds 40 dB less there; 20 dB below the mean keep the rest.
 """
 
-ANDREWS_MONAHAN = Source(
-    "andrews-monahan",
-    "D. W. K. Andrews, J. C. Monahan, 'An improved heteroskedasticity and autocorrelation consistent covariance matrix "
-    "estimator', Econometrica 60(4), 1992, doi:10.2307/2951574",
+KUENSCH = Source(
+    "kuensch",
+    "H. R. Künsch, 'The jackknife and the bootstrap for general stationary observations', Annals of Statistics 17(3), "
+    "1989, doi:10.1214/aos/1176347265",
 )
+
+UNTOLD = 1e-10
+"""Part of the largest singular value below which rows without a block do not tell a direction."""
 
 
 @dataclass(frozen=True)
@@ -153,8 +156,8 @@ def fit_noise(residual: Array, lags: int | None = None, spent: int = 0, starts: 
     return replace(found, sigma=sigma, news=(news - news.mean()) / spread if spread > 0.0 else news)
 
 
-def covariance_of(design: Array, left: Array, lags: int) -> Array:
-    r"""Covariance of least-squares parameters that honours correlation and unequal scatter of what is left.
+def covariance_of(design: Array, left: Array, values: Array, blocks: int, instruments: Array | None = None) -> Array:
+    r"""Covariance of parameters that honours correlation and unequal scatter of what is left: a jackknife of blocks.
 
     Parameters
     ----------
@@ -162,22 +165,27 @@ def covariance_of(design: Array, left: Array, lags: int) -> Array:
         Columns.
     left : (n,) array
         What they leave.
-    lags : int
-        Longest distance of samples whose scores are taken to be correlated.
+    values : (k,) array
+        The parameters.
+    blocks : int
+        Blocks of neighbours that are left out in turn; what is left is correlated over less than one of them.
+    instruments : (n, k) array, optional
+        What the rest is orthogonal to; the columns themselves by least squares.
 
     Notes
     -----
-    :math:`(X'X)^{-1} \left(\sum_{|k| \le L} w_k \sum_t x_t e_t e_{t+k} x_{t+k}'\right) (X'X)^{-1}` with Bartlett's
-    weights, scaled by :math:`n/(n-k)`; on whitened rows this is the prewhitened estimator of Andrews and Monahan.
+    :math:`\frac{B-1}{B} \sum_b (\hat\theta_{(b)} - \hat\theta)(\hat\theta_{(b)} - \hat\theta)'` with
+    :math:`\hat\theta_{(b)}` without block :math:`b` (Künsch 1989). Unlike a sum of scores it is not too small where
+    few rows tell a parameter; one that a single block tells is zero without it.
     """
-    n, k = design.shape
     length = np.linalg.norm(design, axis=0)
     length[length == 0.0] = 1.0
     unit = design / length
-    inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-12)
-    scores = unit * left[:, None]
-    middle = scores.T @ scores
-    for lag in range(1, lags + 1):
-        cross = scores[:-lag].T @ scores[lag:]
-        middle += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
-    return np.asarray(n / max(n - k, 1) * inverse @ middle @ inverse / np.outer(length, length))
+    with_rest = unit if instruments is None else instruments / length
+    whole, scaled = with_rest.T @ unit, values * length
+    moved = np.zeros((blocks, len(values)))
+    for b, rows in enumerate(np.array_split(np.arange(len(left)), blocks)):
+        here = whole - with_rest[rows].T @ unit[rows]
+        goal = here @ scaled - with_rest[rows].T @ left[rows]
+        moved[b] = np.linalg.pinv(here, rcond=UNTOLD) @ goal - scaled
+    return np.asarray((blocks - 1.0) / blocks * (moved.T @ moved) / np.outer(length, length))

@@ -71,10 +71,10 @@ def read_recordings(case: Case) -> tuple[Recorded, Recorded | None]:
 
     Notes
     -----
-    Position passes a zero-phase Butterworth low-pass, speed and acceleration are central differences of it, and force
-    and every column of the regression are decimated by the same zero-phase filter. A speed that was recorded passes
-    the same low-pass; where there is no position, it is the integral of it. The machine counts as at rest below
-    `REST` standard deviations of what noise makes of the speed.
+    Position passes a zero-phase Butterworth low-pass, speed and acceleration are central differences of it, of fourth
+    order, and force and every column of the regression are decimated by the same zero-phase filter. A speed that was
+    recorded passes the same low-pass; where there is no position, it is the integral of it. The machine counts as at
+    rest below `REST` standard deviations of what noise makes of the speed.
 
     References
     ----------

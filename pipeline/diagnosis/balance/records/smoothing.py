@@ -61,9 +61,9 @@ class Smoother:
         return np.asarray(sosfiltfilt(lower, values))
 
     def slope(self, values: Array) -> Array:
-        """Central differences in time (n,); zero at either end."""
+        """Central differences of fourth order in time (n,); zero at either end."""
         found = np.zeros_like(values)
-        found[1:-1] = (values[2:] - values[:-2]) / (2.0 * self.step)
+        found[2:-2] = (8.0 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / (12.0 * self.step)
         return found
 
     def moved(self, position: Array | None, velocity: Array | None) -> tuple[Array, Array, tuple[float, float]]:
