@@ -137,22 +137,28 @@ def _records(guess: MachineGuess) -> Iterator[str]:
         yield f"low_pass_Hz = {BAND * rate / keep:.4g}  # {BAND} rate_Hz / keep_every; below the first resonance"
         yield f"keep_every = {keep}"
     yield f'{OPEN}withheld = [""]  # files that take part in no fit, as "run_3.csv" or "run_3*"; or withheld_part = 0.3'
+    yield f'{OPEN}zero = [""]  # files at rest with the drive off, as "rest*": their mean is the zero'
 
 
 def for_other_records(text: str) -> str:
-    """The text of a sound machine file with the names of withheld recordings as comments: they go with a folder.
+    """The text of a sound machine file with the names of recordings as comments: they go with a folder.
 
     As it is where the names do not stand in lines of their own.
     """
+    return _as_comment(_as_comment(text, "withheld"), "zero")
+
+
+def _as_comment(text: str, key: str) -> str:
+    """The text with what the key of `[records]` lists as a comment; as it is where that needs more than its lines."""
     lines = text.split("\n")
-    first = next((at for at, line in enumerate(lines) if re.match(r"\s*withheld\s*=", line)), len(lines))
+    first = next((at for at, line in enumerate(lines) if re.match(rf"\s*{key}\s*=", line)), len(lines))
     last = first
     while last < len(lines) and _table("\n".join(lines[first : last + 1])) is None:
         last += 1
     without = "\n".join(f"# {line}" if first <= at <= last else line for at, line in enumerate(lines))
     expected = _table(text)
     if expected is not None and isinstance(records := expected.get("records"), dict):
-        records.pop("withheld", None)
+        records.pop(key, None)
     return without if _table(without) == expected else text
 
 

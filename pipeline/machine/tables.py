@@ -169,12 +169,16 @@ class SecondTable(Strict):
 
 
 class RecordsTable(PrepareTable):
-    """How records name their times, which are withheld, and how they are prepared; without times, by their rate."""
+    """How records name their times, which are withheld, and how they are prepared; without times, by their rate.
+
+    Those of `zero` are at rest with the drive off.
+    """
 
     time: Channel | None = None
     temperature: Channel | None = None
     withheld: Annotated[list[str], EACH_ONCE] = Field(default_factory=list)
     withheld_part: Annotated[float, within(0.05, 0.6)] | None = None
+    zero: Annotated[list[str], EACH_ONCE] = Field(default_factory=list)
     zeros: Annotated[str, one_of("common", "own")] = "common"
     second: SecondTable | None = None
     csv: CsvForm = CsvForm()

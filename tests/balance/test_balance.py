@@ -23,7 +23,7 @@ from pmg.pipeline.commands.machines.terms import run_terms
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.causes import near_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
-from pmg.pipeline.diagnosis.balance.document import terms_document
+from pmg.pipeline.diagnosis.balance.document import headline, terms_document
 from pmg.pipeline.diagnosis.balance.estimate import T_95, fit_together
 from pmg.pipeline.diagnosis.balance.fitting import fit_term, tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
@@ -99,6 +99,12 @@ def test_offset_and_friction_of_direction_are_one_set_of_rivals_with_a_test(tmp_
     (told,) = [row for row in document["cannot_be_told"] if set(row["ids"]) == twins]
     assert "turn the machine around" in told["separating_test"]
     assert {step.added for step in (*found.steps, *found.refinements)} >= {"coulomb", "stribeck"}
+    said = {each.question: each.sentences for each in machine_sheet(found, goes_on=False).answers}
+    sure, *either = said["Possible causes"]
+    assert sure.startswith("In each case: Coulomb friction: Fc = ")
+    assert [line[:2] for line in either] == ["1.", "2."]
+    assert "at rest" in said["Next test"][0], "the test that tells the two apart comes first"
+    assert headline(found).startswith("Ambiguous: Coulomb friction, and besides ")
     (offset,) = named(found) & twins
     for term, truth in (("coulomb", 15.0), ("stribeck", 8.0), (offset, -8.0), ("inertia", 80.0)):
         got, error = value(found, term)

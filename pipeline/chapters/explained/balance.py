@@ -11,9 +11,10 @@ from pmg.pipeline.chapters.explained.balance_figures import friction_figure, res
 from pmg.pipeline.chapters.explained.free_run import free_run_sections
 from pmg.pipeline.chapters.explained.low_passes import low_passes_table
 from pmg.pipeline.diagnosis.balance.causes import named_causes, nearest_lines
-from pmg.pipeline.diagnosis.balance.document import percent, separating_test, taken_for_granted, title_of, titled
+from pmg.pipeline.diagnosis.balance.document import percent, taken_for_granted
 from pmg.pipeline.diagnosis.balance.library.drive import EMPS
 from pmg.pipeline.diagnosis.balance.serial import KUENSCH
+from pmg.pipeline.diagnosis.balance.titles import separating_test, title_of, titled
 from pmg.pipeline.report.document import Cell, Column, Facts, Measured, Section, Table, Text
 from pmg.sim import sources
 
@@ -293,8 +294,7 @@ def _limits(d: TermsDiagnosis) -> Section:
     )
     text = (
         f"The machine is at rest in {percent(at_rest)} of the samples, and slower than a thousandth of its top speed "
-        f"in {percent(slow)}. Coulomb friction with an offset, sign(v) Fc + F0, is F+ forwards and F- backwards: the "
-        "same force as Coulomb friction that depends on direction, at every speed but zero. Only a record at rest, or "
-        "a test that turns one of them around, can tell them apart."
+        f"in {percent(slow)}. Coulomb friction with an offset is F+ forwards and F- backwards, as is Coulomb friction "
+        "that depends on direction: only a record at rest, or the machine turned around, can tell the two apart."
     )
     return Section("terms-limits", "What cannot be determined", (Text(text), table))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.diagnosis.balance.causes import size_of
-from pmg.pipeline.diagnosis.balance.document import titles_of
 from pmg.pipeline.diagnosis.balance.low_pass_told import said_with
+from pmg.pipeline.diagnosis.balance.titles import titles_of
 from pmg.pipeline.report.document import Cell, Column, Table
 
 if TYPE_CHECKING:

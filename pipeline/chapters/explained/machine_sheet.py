@@ -51,11 +51,10 @@ def machine_sheet(diagnosis: TermsDiagnosis, *, goes_on: bool) -> ActionSheet:
 
 def _parts(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> tuple[MachinePart, ...]:
     two = d.case.ratio is not None
-    at = {part_of(cause.identifier, two_torques=two): cause.group for cause in reversed(causes)}
-    several = any(cause.group for cause in causes)
+    sure, possible = ({part_of(c.identifier, two_torques=two) for c in causes if c.sure is so} for so in (True, False))
 
     def mark(part: str) -> Literal["cause", "possible", ""]:
-        return "" if part not in at else "possible" if several else "cause"
+        return "cause" if part in sure else "possible" if part in possible else ""
 
     return tuple(MachinePart(part, mark=mark(part)) for part in (TWO_SHAFTS if two else ONE_SHAFT))
 
@@ -76,8 +75,7 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
         yield SheetAnswer("What differs", (f"Nothing beyond the noise; {noise}.",), MODELS)
     if causes:
         several = any(cause.group for cause in causes)
-        sentences = (_cause_sentence(cause, push, numbered=several) for cause in causes)
-        yield SheetAnswer("Possible causes" if several else "Its size", tuple(sentences), CAUSES)
+        yield SheetAnswer("Possible causes" if several else "Its size", tuple(_sizes(causes, push)), CAUSES)
     elif d.impossible:
         yield SheetAnswer("Cause", (headline(d),))
     elif d.verdict is Verdict.NOT_IN_LIBRARY:
@@ -100,10 +98,21 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
         yield SheetAnswer("If ignored", tuple(_costs(d, first, last)))
 
 
-def _cause_sentence(cause: NamedCause, push: str, *, numbered: bool) -> str:
-    title = capitalised(cause.title)
+def _sizes(causes: tuple[NamedCause, ...], push: str) -> Iterator[str]:
+    """Sizes of what is sure, then of what is open, a number for each set."""
+    sets = 1 + max(cause.group for cause in causes)
+    for cause in causes:
+        if not cause.group and cause.sure:
+            yield ("In each case: " if sets > 1 else "") + _cause_sentence(cause, push)
+    for group in range(sets):
+        own = [_cause_sentence(cause, push) for cause in causes if cause.group == group and not cause.sure]
+        if own:
+            yield f"{group + 1}. {' With it: '.join(own)}"
+
+
+def _cause_sentence(cause: NamedCause, push: str) -> str:
     remark = f"; {cause.remark}" if cause.remark else ""
-    return f"{f'{cause.group + 1}. ' if numbered else ''}{title}: {cause.size}{remark} ({cause.effect:.3g} {push} rms)."
+    return f"{capitalised(cause.title)}: {cause.size}{remark} ({cause.effect:.3g} {push} rms)."
 
 
 def _sureness(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[str]:
@@ -136,7 +145,8 @@ def _action(d: TermsDiagnosis) -> str:
 def _tests(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[str]:
     """The tests that would confirm what is named, or the nearest of what is not."""
     near = [each.test for each in near_causes(d)[:1]]
-    tests = [test for test in (*(each.test for each in causes), *near) if test]
+    first_open = sorted(causes, key=lambda cause: cause.sure)  # what tells the sets apart
+    tests = [test for test in (*(each.test for each in first_open), *near) if test]
     if d.impossible:
         yield "The same record again, with the channels checked."
     elif tests:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.machine.axis import Axis
     from pmg.pipeline.machine.channel import Channel, PrepareTable
     from pmg.pipeline.machine.tables import TermParameter
+    from pmg.pipeline.recording.findings import Finding
 
 OUTPUT = "output_"
 """What the channels of the second shaft begin with."""
@@ -57,6 +58,8 @@ class Case:
         Terms that may be named.
     fit, withheld : tuple of Path
         Recordings; the others take part in no fit, and in no choice but to drop refinements that hurt them.
+    zero : tuple of Path
+        Recordings at rest with the drive off, whose mean is taken for the zero.
     channels : mapping of str to (Channel, float)
         ``time``; ``position``, ``velocity`` or both; ``force``, which may be missing; of a second shaft the same
         with `OUTPUT` before them; ``temperature``. What one unit of each is in SI.
@@ -84,6 +87,8 @@ class Case:
         Name of the shaft that the balance is of; empty where there is no machine file.
     second : SecondFile, optional
         Where the channels of the second shaft lie, if not in the same file.
+    findings : tuple of Finding
+        What was lost, or found, in reading `zero`.
     """
 
     title: str
@@ -104,11 +109,13 @@ class Case:
     own_zeros: bool = False
     shaft: str = ""
     second: SecondFile | None = None
+    zero: tuple[Path, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     @property
     def files(self) -> tuple[Path, ...]:
         """Every file of it."""
-        first = (*self.fit, *self.withheld)
+        first = (*self.fit, *self.withheld, *self.zero)
         return first if self.second is None else (*first, *(self.second.of(path) for path in first))
 
     def label(self, path: Path) -> str:

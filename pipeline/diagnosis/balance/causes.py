@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.document import separating_test, titled
+from pmg.pipeline.diagnosis.balance.titles import separating_test, titled
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -59,6 +59,8 @@ class NamedCause:
         Root mean square of what it does in the balance [N, N m].
     test : str
         What on the bench would confirm it.
+    sure : bool
+        Whether every set that is told holds it.
     """
 
     identifier: str
@@ -68,6 +70,7 @@ class NamedCause:
     remark: str
     effect: float
     test: str
+    sure: bool
 
     @property
     def document(self) -> dict[str, Any]:
@@ -75,6 +78,7 @@ class NamedCause:
         return {
             "id": self.identifier,
             "set": self.group,
+            "in_every_set": self.sure,
             "size": self.size,
             "remark": self.remark,
             "effect_rms": self.effect,
@@ -88,10 +92,12 @@ def named_causes(diagnosis: TermsDiagnosis) -> tuple[NamedCause, ...]:
         return ()
     named = tuple(step.fitted.fits[-1] for step in diagnosis.steps[1:])
     others = [contest.rival.fits for contest in diagnosis.contests if contest.open]
-    return tuple(_cause(diagnosis, fit, group) for group, fits in enumerate((named, *others)) for fit in fits)
+    sets = (named, *others)
+    shared = frozenset.intersection(*(frozenset(fit.identifier for fit in fits) for fits in sets))
+    return tuple(_cause(diagnosis, fit, group, shared) for group, fits in enumerate(sets) for fit in fits)
 
 
-def _cause(diagnosis: TermsDiagnosis, fit: TermFit, group: int) -> NamedCause:
+def _cause(diagnosis: TermsDiagnosis, fit: TermFit, group: int, shared: frozenset[str]) -> NamedCause:
     values = [float(a) for a in fit.amplitudes]
     if fit.candidate.shape is not None:
         values.append(fit.shape)
@@ -111,6 +117,7 @@ def _cause(diagnosis: TermsDiagnosis, fit: TermFit, group: int) -> NamedCause:
         _remark(diagnosis, fit, values[0]),
         float(np.sqrt(np.mean(effect**2))),
         separating_test(diagnosis, (fit.identifier,)),
+        fit.identifier in shared,
     )
 
 
@@ -226,9 +233,11 @@ def nearest_lines(diagnosis: TermsDiagnosis) -> tuple[str, ...]:
 
 
 def cause_lines(causes: tuple[NamedCause, ...], unit: str) -> tuple[str, ...]:
-    """Causes in lines: size and effect, then what to do on the bench."""
+    """Causes in lines: size and effect, then what to do on the bench; what every set holds once."""
     lines = []
     for cause in causes:
+        if cause.sure and cause.group:
+            continue
         size = f"{cause.size}; {cause.remark}" if cause.remark else cause.size
         either = "or: " if cause.group else ""
         lines.append(f"{either}{cause.title}: {size}; {cause.effect:.3g} {unit} rms")

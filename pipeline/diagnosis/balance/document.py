@@ -7,21 +7,19 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.balance.estimate import impossible_in
+from pmg.pipeline.diagnosis.balance.titles import separating_test, title_of, titled, titles_of
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.fit.document import number
-from pmg.pipeline.wording.plurals import uncapitalised
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
     from pmg.pipeline.diagnosis.balance.contest import Contest, ModelStep
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
-    from pmg.pipeline.diagnosis.balance.fitting import TermFit
-    from pmg.pipeline.diagnosis.balance.library.term import Term
     from pmg.pipeline.diagnosis.balance.mismatch import Place
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
 
@@ -162,31 +160,10 @@ def _contest(contest: Contest, unit: str) -> dict[str, Any]:
     }
 
 
-def title_of(diagnosis: TermsDiagnosis, identifier: str) -> str:
-    """Name of a term for people by its id, in lower case."""
-    return titled(next(t for t in diagnosis.case.library if t.identifier == identifier))
-
-
 def taken_for_granted(case: Case, joint: str) -> str:
     """The terms of the baseline by their ids, and further ones that are known."""
     further = f"; known: {joint.join(each.term.key for each in case.known)}" if case.known else ""
     return f"{joint.join(case.baseline)}{further}"
-
-
-def titles_of(fits: Iterable[TermFit]) -> str:
-    """Names of a set of terms for people; empty without any."""
-    return " and ".join(titled(fit.candidate) for fit in fits)
-
-
-def titled(term: Term[Any]) -> str:
-    """Name of a term for people, in lower case."""
-    return term.title if term.title.startswith("Coulomb") else uncapitalised(term.title)
-
-
-def separating_test(diagnosis: TermsDiagnosis, ids: tuple[str, ...]) -> str:
-    """Test that would tell some terms apart."""
-    tests = {t.identifier: t.separating_test for t in diagnosis.case.library}
-    return next((tests[name] for name in ids if tests[name]), "")
 
 
 def percent(part: float) -> str:
@@ -212,8 +189,13 @@ def headline(diagnosis: TermsDiagnosis) -> str:
             head = f"Named: {', '.join(named)}."
         case _:
             rivals = [c for c in diagnosis.contests if c.open]
-            sets = "; ".join(titles_of(c.rival.fits) for c in rivals)
-            head = f"Ambiguous: {', '.join(named)}; or {sets}."
+            ids = [step.added for step in diagnosis.steps[1:]]
+            shared = set(ids).intersection(*(c.rival.ids for c in rivals))
+            sure = ", ".join(title for title, each in zip(named, ids, strict=True) if each in shared)
+            own = [step.fitted.fits[-1] for step in diagnosis.steps[1:]]
+            sets = (own, *(c.rival.fits for c in rivals))
+            apart = "; or ".join(titles_of(f for f in fits if f.identifier not in shared) for fits in sets)
+            head = f"Ambiguous: {sure}, and besides {apart}." if sure else f"Ambiguous: {apart}."
     main = in_the_main_sentence(diagnosis.naming, diagnosis.held_out) if diagnosis.verdict.names else ""
     told = (*_impossible(diagnosis), head, main, _errors(diagnosis, first, last))
     return " ".join(sentence for sentence in told if sentence)

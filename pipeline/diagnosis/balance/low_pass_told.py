@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.diagnosis.balance.document import titles_of
 from pmg.pipeline.diagnosis.balance.library.elastic import RESONANCE
+from pmg.pipeline.diagnosis.balance.titles import titles_of
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.recording.remark import Remark
 

@@ -27,7 +27,7 @@ EMPS = Source(
 )
 
 REST_TEST = (
-    "Record the command with the drive switched off and with the machine held at rest, creep through zero speed "
+    "Record the command at rest with the drive switched off (`zero` of [records] takes it), creep through zero speed "
     "in both directions, and turn the machine around: an offset of the drive stays, friction changes sign or vanishes"
 )
 POSITION_TEST = (

@@ -11,6 +11,7 @@ from pmg.pipeline.diagnosis.balance.known_terms import check_known, check_parame
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE, ROTARY_DRIVE
 from pmg.pipeline.diagnosis.balance.library.two_torques import TWO_TORQUES
 from pmg.pipeline.diagnosis.balance.library.warmth import warm_term
+from pmg.pipeline.diagnosis.balance.records.zero import with_zero
 from pmg.pipeline.files.strict_tables import RefusalError
 from pmg.pipeline.importers.open_source import FORMATS
 from pmg.pipeline.machine.axis import LINEAR
@@ -20,7 +21,7 @@ from pmg.pipeline.wording.units import TEMPERATURE_UNITS
 from pmg.sim.errors import BenchError, RecordingError, near_miss
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
@@ -58,7 +59,11 @@ def case_of(machine: Machine, records: Path) -> Case:
     main = ends[0] if two else _measured(machine)
     second = _second(table)
     files = _files(records, second)
-    withheld = _withheld(machine, table, files)
+    zero = _named(machine, "zero", table.zero, files)
+    withheld = _named(machine, "withheld", table.withheld, files)
+    if len({*withheld, *zero}) == len(files):
+        do = "Leave one of them to fit to."
+        raise machine.file.refusal("no recording is left", "at least one to fit", do, "records", "withheld")
     library = _library(main, table, two=two)
     fixed = dict(machine.model.fixed)
     if "force" not in main.channels and "inertia" not in fixed:
@@ -75,12 +80,12 @@ def case_of(machine: Machine, records: Path) -> Case:
         check_known(library, baseline, machine.model.known, "model", "known")
     except RefusalError as fault:
         raise machine.file.refusal(fault.came, fault.expected, fault.do, *fault.key) from fault
-    return Case(
+    case = Case(
         title=machine.title,
         axis=main.axis,
         library=library,
-        fit=tuple(path for path in files if path not in withheld),
-        withheld=withheld,
+        fit=tuple(path for path in files if path not in (*withheld, *zero)),
+        withheld=tuple(path for path in withheld if path not in zero),
         channels=channels,
         form=table.csv,
         prepare=table,
@@ -94,7 +99,9 @@ def case_of(machine: Machine, records: Path) -> Case:
         own_zeros=table.zeros == "own",
         shaft=main.name,
         second=second if two else None,
+        zero=zero,
     )
+    return with_zero(case, machine.file) if zero else case
 
 
 def _measured(machine: Machine) -> MachineShaft:
@@ -177,17 +184,13 @@ def _files(records: Path, second: SecondFile | None) -> tuple[Path, ...]:
     return found
 
 
-def _withheld(machine: Machine, table: RecordsTable, files: tuple[Path, ...]) -> tuple[Path, ...]:
-    """Recordings whose names fit a pattern of what is withheld."""
-    found = []
-    for i, pattern in enumerate(table.withheld):
+def _named(machine: Machine, key: str, patterns: Sequence[str], files: tuple[Path, ...]) -> tuple[Path, ...]:
+    """Recordings whose names fit a pattern of a key of `[records]`."""
+    found = set()
+    for i, pattern in enumerate(patterns):
         fits = [path for path in files if fnmatch(path.name, pattern)]
         if not fits:
             do = near_miss(pattern, [path.name for path in files])
-            raise machine.file.refusal(f"'{pattern}'", "the name of a recording", do, "records", "withheld", i)
-        found += fits
-    kept = tuple(path for path in files if path in found)
-    if len(kept) == len(files):
-        do = "Leave one of them to fit to."
-        raise machine.file.refusal("every recording is withheld", "at least one to fit", do, "records", "withheld")
-    return kept
+            raise machine.file.refusal(f"'{pattern}'", "the name of a recording", do, "records", key, i)
+        found.update(fits)
+    return tuple(path for path in files if path in found)

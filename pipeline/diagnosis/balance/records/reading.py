@@ -21,6 +21,7 @@ from pmg.pipeline.diagnosis.balance.records.consistency import check_limits, che
 from pmg.pipeline.diagnosis.balance.records.lags import with_lags
 from pmg.pipeline.diagnosis.balance.records.recorded import REST, joined, with_known
 from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
+from pmg.pipeline.diagnosis.balance.records.standing import stands
 from pmg.pipeline.diagnosis.balance.records.two_shafts import second_shaft
 from pmg.pipeline.recording.findings import Code, Findings
 from pmg.sim.errors import RecordingError
@@ -80,8 +81,8 @@ def read_recordings(case: Case) -> tuple[Recorded, Recorded | None]:
     ----------
     A. Janot, M. Gautier, M. Brunot, 'Data Set and Reference Models of EMPS', 2019.
     """
-    fit = [one for path in case.fit for one in _read(path, case)]
-    withheld = [one for path in case.withheld for one in _read(path, case)]
+    resting: list[Finding] = []
+    fit, withheld = (_moving(paths, case, resting) for paths in (case.fit, case.withheld))
     if case.withheld_part is not None:
         cut = [round((1.0 - case.withheld_part) * len(one.motion.time)) for one in fit]
         withheld = [replace(one.part(slice(at, None)), findings=()) for one, at in zip(fit, cut, strict=True)]
@@ -91,7 +92,35 @@ def read_recordings(case: Case) -> tuple[Recorded, Recorded | None]:
             came, do = "stretches too short to withhold a part of", "Withhold whole recordings by name."
             raise RecordingError(", ".join(path.name for path in case.fit), came, "longer stretches", do)
     fitted = _together(fit, case)
+    fitted = replace(fitted, findings=(*case.findings, *resting, *fitted.findings))
     return fitted, _together(withheld, case, fitted) if withheld else None
+
+
+class _StandsError(RecordingError):
+    """A recording in which the machine never moves."""
+
+
+def _moving(paths: Sequence[Path], case: Case, resting: list[Finding]) -> list[_Read]:
+    """Recordings read; of those in which the machine stands, it is told that they are left out.
+
+    Raises
+    ------
+    RecordingError
+        When it stands in all of them.
+    """
+    found, still = [], list[_StandsError]()
+    for path in paths:
+        try:
+            found += _read(path, case)
+        except _StandsError as fault:
+            still.append(fault)
+    if still and not found:
+        raise still[0]
+    for each in still:
+        told = Findings(each.where)
+        told.warning(Code.CHANNEL_VALUE, "speed", f"{each.came}: left out", each.do)
+        resting += told.listed()
+    return found
 
 
 def _long_enough(read: _Read, case: Case) -> bool:
@@ -175,9 +204,9 @@ def _moved(
     inner = slice(drop, -drop)
     rest_speed = REST * noise[0] if given.rest_speed is None else given.rest_speed
     besides[TURNED_BEFORE] = np.full_like(time, _turned_before(position[: drop + 1], speed[: drop + 1], rest_speed))
-    if given.rest_speed is None and float(np.abs(speed[inner]).max()) <= rest_speed:
+    if given.rest_speed is None and stands(speed[inner], rest_speed):
         came = f"a speed of {np.abs(speed[inner]).max():.3g} {case.axis.speed} at most, which may be noise"
-        raise RecordingError(str(path), came, "a machine that moves", _of_rest(values.get("force"), case))
+        raise _StandsError(str(path), came, "a machine that moves", _of_rest(path, values.get("force"), case))
     acceleration = smoother.slope(speed)[inner]
     besides[NOISY] = np.zeros_like(time)
     besides[NOISY][inner] = smoother.noise_in(acceleration, noise[1], of_position="velocity" not in values)
@@ -196,14 +225,13 @@ def _moved(
     )
 
 
-def _of_rest(force: Array | None, case: Case) -> str:
+def _of_rest(path: Path, force: Array | None, case: Case) -> str:
     """What to do with a record at rest: its mean is the zero, where the drive was off."""
     check = "Check the channels and their units."
     if force is None:
         return check
-    size = f'value = {float(np.mean(force)):.4g}, unit = "{case.axis.push}"'
-    zero = f'[[model.known]] term = "constant_offset", parameter = "F0", {size}'
-    return f"{check} Of a record at rest with the drive off, state the zero ({zero}) and move it away."
+    zero = f"its mean, {float(np.mean(force)):.4g} {case.axis.push}"
+    return f'{check} If the drive was off, [records] zero = ["{path.name}"] takes {zero}, for the zero.'
 
 
 def _turned_before(position: Array, speed: Array, rest_speed: float) -> float:

@@ -12,13 +12,23 @@ from pmg.pipeline.recording.findings import Code, Findings
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.library.term import Motion
     from pmg.pipeline.recording.findings import Finding
-    from pmg.sim.signals import Mask
+    from pmg.sim.signals import Array, Mask
 
 DWELL = 0.2
 """Time at rest from which on a machine stands [s]; a reversal passes sooner."""
 
 CREEPS = 0.25
 """Mean speed of a stretch over that below which the machine counts as at rest, from which on it creeps."""
+
+
+RARELY, WIDEST = 0.01, 2.0
+"""Part of the samples that noise may take beyond the speed of rest, and how many times as fast it may make them."""
+
+
+def stands(speed: Array, rest_speed: float) -> bool:
+    """Whether all that a speed (n,) shows may be noise, of which few samples exceed the speed of rest."""
+    size = np.abs(speed)
+    return bool(size.max() <= WIDEST * rest_speed and np.mean(size > rest_speed) <= RARELY)
 
 
 def moves(motion: Motion, spoilt: int) -> Mask:

@@ -1,0 +1,35 @@
+"""Terms by their names for people, and the tests that would tell some of them apart."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.wording.plurals import uncapitalised
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.diagnosis.balance.library.term import Term
+
+
+def title_of(diagnosis: TermsDiagnosis, identifier: str) -> str:
+    """Name of a term for people by its id, in lower case."""
+    return titled(next(t for t in diagnosis.case.library if t.identifier == identifier))
+
+
+def titles_of(fits: Iterable[TermFit]) -> str:
+    """Names of a set of terms for people; empty without any."""
+    return " and ".join(titled(fit.candidate) for fit in fits)
+
+
+def titled(term: Term[Any]) -> str:
+    """Name of a term for people, in lower case."""
+    return term.title if term.title.startswith("Coulomb") else uncapitalised(term.title)
+
+
+def separating_test(diagnosis: TermsDiagnosis, ids: tuple[str, ...]) -> str:
+    """Test that would tell some terms apart."""
+    tests = {t.identifier: t.separating_test for t in diagnosis.case.library}
+    return next((tests[name] for name in ids if tests[name]), "")

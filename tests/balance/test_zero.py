@@ -1,0 +1,120 @@
+"""The zero of a machine from recordings at rest: known, told with its error, and no cause any more."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from tests.balance import wheel
+from tests.balance.test_known_terms import MACHINE, diagnosed, known, records, written
+
+from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
+from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.machine.machine_file import read_machine
+from pmg.pipeline.machine.machine_text import for_other_records
+from pmg.sim.errors import BenchError, RecordingError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.balance.wheel import Turning
+
+    from pmg.sim.signals import Array
+
+ZERO = 0.015
+AT_REST = MACHINE.replace("keep_every = 10", 'keep_every = 10\nzero = ["rest*.csv"]')
+
+
+def offset(m: Turning) -> Array:
+    return wheel.plain(m) + 0.05 * np.sign(m.speed) + ZERO
+
+
+def rest(path: Path, seed: int, drift: float = 0.0) -> None:
+    """20 s at rest; the noise of the speed is all that is seen of it."""
+    rng, t = np.random.default_rng(seed), np.arange(round(20.0 * wheel.RATE)) / wheel.RATE
+    n, torque = 0.05 * rng.standard_normal(len(t)), ZERO + drift * t + 2e-3 * rng.standard_normal(len(t))
+    rows = "\n".join(f"{a:.4f},{b:.4f},0.0,{1e3 * c:.5f}" for a, b, c in zip(t, n, torque, strict=True))
+    path.write_text(f"t,n,phi,T\n{rows}\n")
+
+
+def test_a_zero_at_rest_is_known_and_told(tmp_path: Path) -> None:
+    """Without it the zero is one of two rivals, and a record at rest that nobody names is left out and told."""
+    folder = records(tmp_path / "a", offset, 3)
+    rest(folder / "rest_1.csv", 1)
+    rest(folder / "rest_2.csv", 2)
+    open_one = diagnosed(written(tmp_path, MACHINE), folder)
+    assert open_one.verdict is Verdict.AMBIGUOUS
+    told = [str(f) for f in open_one.recorded.findings if "left out" in f.message]
+    assert len(told) == 2
+    assert all('zero = ["rest_' in line for line in told)
+    file = written(tmp_path, AT_REST)
+    settled = diagnosed(file, folder)
+    assert settled.verdict is Verdict.CONSISTENT
+    (each,) = settled.case.known
+    assert float(each.amplitudes[0]) == pytest.approx(ZERO, abs=1e-4)
+    (said,) = [f.message for f in settled.recorded.findings if "is taken out" in f.message]
+    assert " N m" in said
+    assert {path.name for path in settled.case.files} >= {"rest_1.csv", "rest_2.csv"}
+    assert 'zero = ["rest*.csv"]' not in for_other_records(AT_REST).replace('# zero = ["rest*.csv"]', "")
+
+
+def test_a_zero_that_hides_a_friction_of_direction_does_not(tmp_path: Path) -> None:
+    def uneven(m: Turning) -> Array:
+        return offset(m) + 0.02 * np.abs(np.sign(m.speed))
+
+    folder = records(tmp_path / "a", uneven, 4)
+    rest(folder / "rest_1.csv", 1)
+    found = diagnosed(written(tmp_path, AT_REST), folder)
+    assert found.verdict.names
+    sets = [{step.added for step in found.steps[1:]}, *({*c.rival.ids} for c in found.contests if c.open)]
+    assert {"direction_dependent_coulomb"} in sets
+
+
+def test_the_error_of_a_zero_goes_with_what_it_scatters(tmp_path: Path) -> None:
+    """Zeros of two days that differ by more than either scatters make it as uncertain as that."""
+    folder = records(tmp_path / "a", offset, 3)
+    rest(folder / "rest_1.csv", 1)
+    rest(folder / "rest_2.csv", 2, drift=1e-3)
+    file = written(tmp_path, AT_REST)
+    (said,) = [f.message for f in case_of(read_machine(file), folder).findings]
+    zero, error = (float(word) for word in said.split(", ")[1].removesuffix(" N m").split(" ± "))
+    assert zero == pytest.approx(ZERO + 0.005, abs=2e-4)
+    assert error == pytest.approx(0.005, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "told"),
+    [
+        (AT_REST, ("fit.csv", "withheld.csv"), "rest"),
+        (AT_REST.replace("rest*.csv", "fit.csv"), ("fit.csv", "withheld.csv", "more.csv"), "at rest"),
+        (AT_REST.replace("rest*", "*"), ("fit.csv", "withheld.csv"), "at least one to fit"),
+    ],
+)
+def test_what_is_no_zero_is_refused(tmp_path: Path, text: str, names: tuple[str, ...], told: str) -> None:
+    folder = records(tmp_path / "a", offset, 3, names)
+    with pytest.raises((BenchError, RecordingError), match=told):
+        case_of(read_machine(written(tmp_path, text)), folder)
+
+
+@pytest.mark.parametrize(
+    "more", [known(("constant_offset", "F0", 0.01, "N m")).removeprefix(MACHINE), 'zeros = "own"', '"constant_offset"']
+)
+def test_a_zero_is_known_in_one_way(tmp_path: Path, more: str) -> None:
+    folder = records(tmp_path / "a", offset, 3)
+    rest(folder / "rest_1.csv", 1)
+    text = AT_REST + more
+    if more.startswith("zeros"):
+        text = AT_REST.replace("keep_every = 10", f"keep_every = 10\n{more}")
+    if more.startswith('"'):
+        text = AT_REST.replace('"coulomb"]', f'"coulomb", {more}]')
+    with pytest.raises(BenchError, match="one way to know it"):
+        case_of(read_machine(written(tmp_path, text)), folder)
+
+
+def test_recordings_that_all_stand_are_refused(tmp_path: Path) -> None:
+    folder = records(tmp_path / "a", offset, 3, ("withheld.csv",))
+    rest(folder / "fit.csv", 1)
+    with pytest.raises(RecordingError, match="a machine that moves"):
+        read_recordings(case_of(read_machine(written(tmp_path, MACHINE)), folder))
