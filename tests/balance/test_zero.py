@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from tests.balance import wheel
 from tests.balance.test_known_terms import MACHINE, diagnosed, known, records, written
 
+from pmg.pipeline.diagnosis.balance.estimate import fit_together
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
 
     from tests.balance.wheel import Turning
 
+    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
     from pmg.sim.signals import Array
 
 ZERO = 0.015
@@ -37,6 +42,10 @@ def rest(path: Path, seed: int, drift: float = 0.0) -> None:
     n, torque = 0.05 * rng.standard_normal(len(t)), ZERO + drift * t + 2e-3 * rng.standard_normal(len(t))
     rows = "\n".join(f"{a:.4f},{b:.4f},0.0,{1e3 * c:.5f}" for a, b, c in zip(t, n, torque, strict=True))
     path.write_text(f"t,n,phi,T\n{rows}\n")
+
+
+def _terms(found: TermsDiagnosis) -> tuple[tuple[Term[Motion], ...], tuple[TermFit, ...]]:
+    return found.steps[-1].fitted.baseline, found.steps[-1].fitted.fits
 
 
 def test_a_zero_at_rest_is_known_and_told(tmp_path: Path) -> None:
@@ -64,12 +73,17 @@ def test_a_zero_that_hides_a_friction_of_direction_does_not(tmp_path: Path) -> N
     def uneven(m: Turning) -> Array:
         return offset(m) + 0.02 * np.abs(np.sign(m.speed))
 
-    folder = records(tmp_path / "a", uneven, 4)
-    rest(folder / "rest_1.csv", 1)
+    folder = records(tmp_path / "a", uneven, 5)
+    rest(folder / "rest_1.csv", 5)
     found = diagnosed(written(tmp_path, AT_REST), folder)
-    assert found.verdict.names
-    sets = [{step.added for step in found.steps[1:]}, *({*c.rival.ids} for c in found.contests if c.open)]
-    assert {"direction_dependent_coulomb"} in sets
+    assert found.verdict is Verdict.NAMED
+    assert [step.added for step in found.steps[1:]] == ["direction_dependent_coulomb"]
+    (step,) = found.steps[1:]
+    (half,) = [e for e in step.fitted.estimates if e.term == "direction_dependent_coulomb"]
+    assert half.interval[0] < 0.02 < half.interval[1]
+    alone = fit_together(replace(found.recorded, unsure=np.zeros((0, 0))), found.noise.noise, *_terms(found))
+    assert half.standard_error > 1.2 * alone.estimates[-1].standard_error, "the zero's own error counts"
+    assert not [twins for twins in found.twins if "constant_offset" in twins.ids]
 
 
 def test_the_error_of_a_zero_goes_with_what_it_scatters(tmp_path: Path) -> None:

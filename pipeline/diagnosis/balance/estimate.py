@@ -161,7 +161,8 @@ def fit_together(
     Least squares on the thinned rows is the practice of the published reference models. Noise of a measured
     acceleration would make the inertia too small, so what is left is made orthogonal to the acceleration freed from
     noise. Errors come from leaving out blocks of neighbours (`serial.covariance_of`), with the derivative to each
-    shape as a further column, so that a shape that is not known widens the error of its amplitude.
+    shape as a further column, so that a shape that is not known widens the error of its amplitude; what is known of
+    other terms with an error widens it, too.
     """
     fits = _settled(recorded, baseline, fits)
     design = design_of(recorded, baseline, fits)
@@ -169,7 +170,8 @@ def fit_together(
     full = np.hstack([design, _slopes(recorded, fits, _amplitudes(fits, values))])
     known = np.r_[values, np.zeros(full.shape[1] - len(values))]
     left, quiet = recorded.force - design @ values, _quiet(recorded, baseline, full)
-    error = np.sqrt(np.diag(covariance_of(full, left, known, BLOCKS, quiet)))
+    moved = np.stack([_solve_quiet(recorded, baseline, full, column) for column in recorded.unsure.T] or [0.0 * known])
+    error = np.sqrt(np.diag(covariance_of(full, left, known, BLOCKS, quiet)) + np.sum(moved**2, axis=0))
     white, force = noise.whiten(full), noise.whiten(recorded.force[:, None])[:, 0]
     again = solve(white[:, : design.shape[1]], force)
     left, known = force - white[:, : design.shape[1]] @ again, np.r_[again, known[len(again) :]]

@@ -31,11 +31,14 @@ class SetTerm:
         Its amplitudes.
     shape : float
         Its shape; NaN without one.
+    error : float
+        Standard error of its one amplitude; 0 where none was given.
     """
 
     term: Term[Motion]
     amplitudes: Array
     shape: float = float("nan")
+    error: float = 0.0
 
     def of(self, motion: Motion) -> Array:
         """What it adds to the force (n,); a lag acts over all of its time."""

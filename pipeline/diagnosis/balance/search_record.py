@@ -13,6 +13,7 @@ from pmg.pipeline.diagnosis.balance.fitting import tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, record_evidence
 from pmg.pipeline.diagnosis.balance.noise_model import noise_of
+from pmg.pipeline.diagnosis.balance.records.zero import ZERO
 from pmg.pipeline.diagnosis.balance.structure import families_of
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
@@ -41,10 +42,11 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
     """Terms that may be named; one whose amplitudes are taken as known may be off by what their bounds allow.
 
     Of a machine that coasts, none that goes with its acceleration, or with the force that is zero; none that needs a
-    channel which was not recorded; no zero where each recording has its own; of a machine that moves one way only,
-    none that goes with direction as a plainer term does.
+    channel which was not recorded; no zero where each recording has its own, or some show it; of a machine that moves
+    one way only, none that goes with direction as a plainer term does.
     """
     channels, coasts = recorded.motion.besides, recorded.coasts
+    seen_zero = case.own_zeros or bool(case.zero)
     ways = recorded.motion.direction
     one_way = not (ways > 0.0).any() or not (ways < 0.0).any()
     known = {key: (value,) for key, value in case.fixed.items()}
@@ -55,7 +57,7 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
             continue
         if one_way and term.both_ways:
             continue
-        if not set(term.needs) <= set(channels) or (case.own_zeros and term.identifier == "constant_offset"):
+        if not set(term.needs) <= set(channels) or (seen_zero and term.identifier == ZERO):
             continue
         if term.of_angle and RECORDING in channels:
             term = term.in_each(len(recorded.motion.starts))

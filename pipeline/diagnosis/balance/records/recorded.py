@@ -67,6 +67,8 @@ class Recorded:
         Whether each recording has a zero of its own: the mean of each is then taken out of force and columns.
     baseline : (k,) array
         Amplitudes of the free terms of the baseline that `Motion.modelled` is made with.
+    unsure : (n, u) array
+        Thinned force of known terms that have an error, a standard error of each [N, N m].
     """
 
     names: tuple[str, ...]
@@ -78,6 +80,7 @@ class Recorded:
     findings: tuple[Finding, ...] = ()
     own_zeros: bool = False
     baseline: Array = field(default_factory=lambda: np.zeros(0))
+    unsure: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def name(self) -> str:
@@ -159,8 +162,8 @@ class Recorded:
         for k, (name, used) in enumerate(zip(self.names, self._used, strict=True)):
             few = slice(*thin[k : k + 2])
             motion = m.part(slice(*ends[k : k + 2]))
-            force, known = self.force[few], self.known[few]
-            found.append(replace(self, names=(name,), motion=motion, used=used, force=force, known=known))
+            own = {key: getattr(self, key)[few] for key in ("force", "known", "unsure")}
+            found.append(replace(self, names=(name,), motion=motion, used=used, **own))
         return tuple(found)
 
 
@@ -278,7 +281,8 @@ def with_known(
         rest = replace(found.motion, modelled=found.motion.modelled - distorted)
         distorted = np.asarray(sum(each.of(rest) for each in faults))
         found = _freed(plain, case, columns, known + distorted, of)
-    return found
+    unsure = [found.thin(e.error * e.term.columns(found.motion, e.shape)) for e in case.known if e.error > 0.0]
+    return replace(found, unsure=np.hstack([np.zeros((len(found.force), 0)), *unsure]))
 
 
 def _freed(plain: Recorded, case: Case, columns: Mapping[str, Array], known: Array, of: Recorded | None) -> Recorded:

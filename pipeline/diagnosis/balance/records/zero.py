@@ -72,7 +72,7 @@ def with_zero(case: Case, file: TableFile[Any]) -> Case:
     names = Findings(", ".join(path.name for path in case.zero))
     shown = f"{zero:.4g} ± {error:.2g} {case.axis.push}"
     names.info(Code.CHANNEL_VALUE, case.axis.pushes, f"at rest: the zero, {shown}, is taken out", "Nothing to do.")
-    known = (*case.known, SetTerm(term, np.array([zero])))
+    known = (*case.known, SetTerm(term, np.array([zero]), error=error))
     return replace(case, known=known, findings=(*findings, *names.listed()))
 
 
