@@ -67,13 +67,13 @@ RECORD = {
 
 
 IN_MOTION = {
-    "named": TrackRecord("a cause named", "The cause named was right", 69, 77),
-    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 2, 6),
+    "named": TrackRecord("a cause named", "The cause named was right", 73, 78),
+    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 11, 14),
     "weak": TrackRecord(
-        "a difference too weak to name its cause, or none proved", "The truth was among those given", 15, 15
+        "a difference too weak to name its cause, or none proved", "The truth was among those given", 8, 9
     ),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "Such an answer was right", 18, 21
+        "no known cause given, with those that come near", "Such an answer was right", 24, 25
     ),
 }
 """The same of runs in motion, from the trial of 240 campaigns in ``pipeline/trials/motion/README.md``."""
