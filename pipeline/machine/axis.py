@@ -34,6 +34,8 @@ class Axis:
         Key of that factor in a case file.
     shown : tuple of (str, float)
         Small unit of the position in which errors are shown, and what one is in SI.
+    shown_speed : tuple of (str, float)
+        The same of the speed.
     periods, stribeck, presliding : tuple of float
         Ranges of a period of position, of the speed over which friction falls, of the way over which it rises [SI].
     turn : float
@@ -52,6 +54,7 @@ class Axis:
     forces: Mapping[str, float]
     factor: str
     shown: tuple[str, float]
+    shown_speed: tuple[str, float]
     periods: tuple[float, float]
     stribeck: tuple[float, float]
     presliding: tuple[float, float]
@@ -63,7 +66,6 @@ class Axis:
         """SI unit of its speed."""
         return f"{self.length}/s"
 
-    @property
     def acceleration(self) -> str:
         """SI unit of its acceleration."""
         return f"{self.length}/s2"
@@ -95,6 +97,7 @@ LINEAR = Axis(
     forces={"N": 1.0, "kN": 1e3, "V": 1.0, "A": 1.0},
     factor="newton_per_unit",
     shown=("mm", 1e-3),
+    shown_speed=("mm/s", 1e-3),
     periods=(2e-3, 1e-1),
     stribeck=(1e-3, 1e-1),
     presliding=(1e-6, 1e-2),
@@ -114,6 +117,7 @@ ROTARY = Axis(
     forces={**TORQUE, **IMPERIAL_TORQUE, "V": 1.0, "A": 1.0},
     factor="newton_metre_per_unit",
     shown=("mrad", 1e-3),
+    shown_speed=("rad/s", 1.0),
     periods=(REVOLUTION / 360.0, 20.0 * REVOLUTION),
     stribeck=(2e-2, 1e2),
     presliding=(1e-5, 3.0),

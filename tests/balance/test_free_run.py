@@ -46,12 +46,12 @@ def test_dry_friction_holds_what_it_can_hold_and_stops_what_coasts() -> None:
     moved = free_run("m", _record(np.full(500, 20.1), np.linspace(0.0, 1.0, 500)), dry)
     assert held is not None
     assert moved is not None
-    assert np.ptp(held.position) == 0.0
-    assert np.ptp(moved.position) == pytest.approx(0.5 * 0.1 / MASS * 0.499**2, rel=0.01)
+    assert np.ptp(held.simulated) == 0.0
+    assert np.ptp(moved.simulated) == pytest.approx(0.5 * 0.1 / MASS * 0.499**2, rel=0.01)
     coasting = free_run("m", _record(np.zeros(1000), np.linspace(0.0, 1.0, 1000), speed=0.1), dry)
     assert coasting is not None
-    assert coasting.position[-1] == pytest.approx(0.5 * 0.1**2 * MASS / 20.0, rel=0.02)  # v0^2 M/(2 Fc)
-    assert coasting.position[-1] == coasting.position[-200]
+    assert coasting.simulated[-1] == pytest.approx(0.5 * 0.1**2 * MASS / 20.0, rel=0.02)  # v0^2 M/(2 Fc)
+    assert coasting.simulated[-1] == coasting.simulated[-200]
 
 
 def test_a_delay_and_a_gain_act_on_the_force() -> None:
@@ -64,10 +64,24 @@ def test_a_delay_and_a_gain_act_on_the_force() -> None:
     weaker = free_run("m", _record(force, force), plain + _set(actuator_gain=0.25))
     assert late is not None
     assert weaker is not None
-    assert np.abs(late.position[6:] - first.position[1:-5]).max() < 1e-4 * np.ptp(first.position)
-    first_way, weaker_way = first.position - first.position[0], weaker.position - weaker.position[0]
+    assert np.abs(late.simulated[6:] - first.simulated[1:-5]).max() < 1e-4 * np.ptp(first.simulated)
+    first_way, weaker_way = first.simulated - first.simulated[0], weaker.simulated - weaker.simulated[0]
     np.testing.assert_allclose(1.25 * weaker_way, first_way, atol=1e-9)
 
 
 def test_without_a_mass_there_is_nothing_to_solve() -> None:
     assert free_run("m", _record(np.ones(10), np.ones(10)), _set(viscous=3.0)) is None
+
+
+def test_where_the_speed_alone_is_recorded_it_is_compared() -> None:
+    force, viscous = 40.0, 100.0
+    time = np.arange(2000) / RATE
+    speed = force / viscous * (1.0 - np.exp(-time * viscous / MASS))
+    recorded = _record(np.full(2000, force), np.cumsum(speed) / RATE)
+    recorded.motion.speed[:] = speed
+    found = free_run("m", recorded, _set(inertia=MASS, viscous=viscous), of_speed=True)
+    assert found is not None
+    assert found.words == ("speed", "range")
+    assert found.span == pytest.approx(speed[-1])
+    assert found.largest < 2e-3 * speed[-1]
+    assert found.error <= found.largest

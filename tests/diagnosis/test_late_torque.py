@@ -76,12 +76,13 @@ def test_a_set_holds_one_that_makes_a_torque_late() -> None:
     assert ids == [{"transducer_bandwidth", "channel_delay", "torque_gain_error"}, {"torque_gain_error"}]
 
 
+@pytest.mark.parametrize("order", ["first order", "second order"])
 @pytest.mark.parametrize(("plain", "alike"), [(0.4, False), (0.15, True)])
-def test_a_short_lag_is_a_rival_of_a_delay_where_the_plain_lag_is_one(plain: float, alike: bool) -> None:
+def test_a_short_lag_is_a_rival_of_a_delay_where_a_plain_lag_is_one(order: str, plain: float, alike: bool) -> None:
     """The laws stand in one plane, the short lag at 0.1 rad from the delay that made the rows, the plain one beyond."""
     rows = 12.0 * np.eye(6)[0]
     angles = {"channel_delay/sun/": 0.0, "transducer_bandwidth/sun/second order, short": 0.1}
-    angles["transducer_bandwidth/sun/first order"] = plain
+    angles[f"transducer_bandwidth/sun/{order}"] = plain
     tables = {
         key: Tabled(
             TERMS[key], np.array([0.005]), (12.0 * np.array([math.cos(a), math.sin(a), 0, 0, 0, 0]))[:, None, None]

@@ -31,7 +31,7 @@ ROWS, DRAWS, MASS = 200, 1000, 2e-3
 TERMS = {term.key: term for term in library()}
 
 
-def _naming(key: str, mass: float, p_value: float = 0.01) -> TermNaming:
+def _naming(key: str, mass: float, p_value: float = 0.2) -> TermNaming:
     fit = TermFit(TERMS[key], 100.0, 1.0, np.zeros(ROWS), (), np.array([mass]), math.nan)
     best = TermSet((fit,), SimpleNamespace())  # type: ignore[arg-type]
     return TermNaming(best, (), {fit.identifier: fit.place}, Remainder(p_value, 12.0, 9.0), True, True, (), ())
@@ -58,11 +58,13 @@ def _evidence(mass: float, resonance: float, rng: np.random.Generator) -> Motion
     )
 
 
-@pytest.mark.parametrize("mass", [MASS, -MASS])
-def test_a_soft_mass_is_not_named_but_told_to_swing(mass: float) -> None:
-    told = on_spring(_naming("rotor_inertia/sun/", mass), _evidence(mass, 35.0, np.random.default_rng(1)))
+@pytest.mark.parametrize(("mass", "left"), [(MASS, 0.01), (-MASS, 0.01), (MASS, 0.5)])
+def test_a_soft_mass_is_not_named_but_told_to_swing_whatever_is_left(mass: float, left: float) -> None:
+    told = on_spring(_naming("rotor_inertia/sun/", mass, left), _evidence(mass, 35.0, np.random.default_rng(1)))
     assert not told.may_be_named
-    assert told.against == "the rest looks like a mass on a spring, its resonance below 98 Hz"
+    assert (
+        told.against == "its torque grows with frequency like that of a mass on a spring, with a resonance below 98 Hz"
+    )
 
 
 def test_a_stiff_mass_at_the_limit_is_taken_for_a_soft_one_one_time_in_a_hundred() -> None:
@@ -73,9 +75,8 @@ def test_a_stiff_mass_at_the_limit_is_taken_for_a_soft_one_one_time_in_a_hundred
     assert all(on_spring(naming, _evidence(MASS, 300.0, rng)) is naming for _ in range(100))
 
 
-@pytest.mark.parametrize(("key", "p_value"), [("rotor_inertia/sun/", 0.06), ("torque_gain_error/sun/", 0.01)])
-def test_where_nothing_is_left_or_no_mass_is_named_nothing_changes(key: str, p_value: float) -> None:
-    naming = _naming(key, MASS, p_value)
+def test_where_no_mass_is_named_nothing_changes() -> None:
+    naming = _naming("torque_gain_error/sun/", MASS)
     assert on_spring(naming, _evidence(MASS, 35.0, np.random.default_rng(3))) is naming
 
 

@@ -1,9 +1,10 @@
-"""The position of a machine from its force alone: errors of each model, and how they grow."""
+"""The position or speed of a machine from its force alone: errors of each model, and how they grow."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.diagnosis.balance.free_run import measured
 from pmg.pipeline.report.document import Chart, Column, Figure, Section, Series, Table, Text
 
 if TYPE_CHECKING:
@@ -15,14 +16,15 @@ def free_run_sections(d: TermsDiagnosis) -> tuple[Section, ...]:
     if not d.free_runs:
         return ()
     charts = []
-    (shown, small), pushes = d.case.axis.shown, d.case.axis.pushes
+    pushes, (first, *_) = d.case.axis.pushes, d.free_runs
+    (shown, small), (what, span) = first.shown(d.case.axis), first.words
     for record in (one for whole in (d.recorded, d.withheld) if whole is not None for one in whole.each()):
         runs, every = [run for run in d.free_runs if run.record == record.name], d.recorded.keep_every
         off = [
             Series(
                 run.model,
                 record.motion.time[::every],
-                (run.position - record.motion.position)[::every] / small,
+                (run.simulated - measured(record, of_speed=first.of_speed))[::every] / small,
                 None,
                 "line",
                 colour,
@@ -34,20 +36,22 @@ def free_run_sections(d: TermsDiagnosis) -> tuple[Section, ...]:
     table = Table(
         "terms-free-runs",
         "Free run",
-        "Simulated less measured position. One step ahead every model is good; here errors add up.",
+        f"Simulated less measured {what}. One step ahead every model is good; here errors add up.",
         (
             Column("model", "Parameters"),
             Column("record", "Record"),
             Column("rms", "Root mean square", shown, digits=2),
             Column("largest", "Largest", shown, digits=1),
-            Column("stroke", "Stroke", shown, digits=0),
+            Column(span, span.capitalize(), shown, digits=0),
         ),
-        tuple((r.model, r.record, r.error / small, r.largest / small, r.stroke / small) for r in d.free_runs),
+        tuple((r.model, r.record, r.error / small, r.largest / small, r.span / small) for r in d.free_runs),
     )
     text = (
-        f"The position is simulated from the {pushes}, the first position and the first speed; no later sample "
+        f"The {what} is simulated from the {pushes}, the first position and the first speed; no later sample "
         f"corrects it, so that an offset which the {pushes} lacks ends as a drift. Parameters were fitted to the "
         f"{pushes} of the first record, not to this error; no uncertainty is stated for it."
     )
     figure = Figure("terms-free-run", "Free run", "Without the baseline, which drifts away.", tuple(charts))
-    return (Section("terms-free-run-section", f"Position from the {pushes} alone", (Text(text), table, figure)),)
+    return (
+        Section("terms-free-run-section", f"{what.capitalize()} from the {pushes} alone", (Text(text), table, figure)),
+    )

@@ -161,7 +161,10 @@ def diagnose_terms(
 def _free_runs(
     data: BalanceData, case: Case, steps: tuple[ModelStep, ...], refinements: tuple[ModelStep, ...]
 ) -> tuple[FreeRun, ...]:
-    """Each record by each model that differs from the one before; none of a machine between two torques."""
+    """Each record by each model that differs from the one before; none of a machine between two torques.
+
+    Without a recorded position, which is the integral of the speed then, the speed is compared.
+    """
     if case.ratio is not None:
         return ()
     published = of_published(case)
@@ -173,7 +176,8 @@ def _free_runs(
     if refinements:
         models["refined"] = of_fit(refinements[-1].fitted, case)
     records = [one for whole in (data.recorded, data.withheld) if whole is not None for one in whole.each()]
-    runs = [free_run(name, record, terms) for name, terms in models.items() for record in records]
+    of_speed = "position" not in case.channels
+    runs = [free_run(name, record, terms, of_speed=of_speed) for name, terms in models.items() for record in records]
     return tuple(run for run in runs if run is not None)
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.contest import Contest, ModelStep
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
+    from pmg.pipeline.diagnosis.balance.free_run import FreeRun
     from pmg.pipeline.diagnosis.balance.mismatch import Place
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
 
@@ -101,17 +102,19 @@ def _rounds(naming: TermNaming) -> list[dict[str, Any]]:
 
 
 def _free_runs(diagnosis: TermsDiagnosis) -> list[dict[str, Any]]:
-    length = diagnosis.case.axis.length
-    return [
-        {
+    axis = diagnosis.case.axis
+
+    def row(run: FreeRun) -> dict[str, Any]:
+        unit, span = f"{axis.length}_per_s" if run.of_speed else axis.length, run.words[1]
+        return {
             "model": run.model,
             "record": run.record,
-            f"rms_error_{length}": number(run.error),
-            f"largest_error_{length}": number(run.largest),
-            f"stroke_{length}": run.stroke,
+            f"rms_error_{unit}": number(run.error),
+            f"largest_error_{unit}": number(run.largest),
+            f"{span}_{unit}": run.span,
         }
-        for run in diagnosis.free_runs
-    ]
+
+    return [row(run) for run in diagnosis.free_runs]
 
 
 def _places(mismatch: Mismatch[Place]) -> list[dict[str, Any]]:
@@ -268,15 +271,16 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
 
 
 def free_run_lines(diagnosis: TermsDiagnosis) -> list[str]:
-    """How far the position goes astray that a model simulates; none where nothing was simulated."""
+    """How far the position or speed goes astray that a model simulates; none where nothing was simulated."""
     if not diagnosis.free_runs:
         return []
-    shown, small = diagnosis.case.axis.shown
-    lines = [f"position simulated from the {diagnosis.case.axis.pushes} alone, without being told where it is:"]
+    axis, (first, *_) = diagnosis.case.axis, diagnosis.free_runs
+    (shown, small), (what, span) = first.shown(axis), first.words
+    lines = [f"{what} simulated from the {axis.pushes} alone, never corrected by what was measured:"]
     for run in diagnosis.free_runs:
         if math.isnan(run.error):
             lines.append(f"  {run.model:<12}{run.record}: runs away")
             continue
         errors = f"{run.error / small:.2f} {shown} rms, {run.largest / small:.1f} {shown} at most"
-        lines.append(f"  {run.model:<12}{run.record}: {errors}, of a stroke of {run.stroke / small:.0f} {shown}")
+        lines.append(f"  {run.model:<12}{run.record}: {errors}, of a {span} of {run.span / small:.0f} {shown}")
     return [*lines, ""]

@@ -1,4 +1,4 @@
-"""Free run: the position that a model of the force balance gives from the force alone, never told where it is."""
+"""Free run: the position or speed that a model of the force balance gives from the force alone, never corrected."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.estimate import FittedTerms
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
+    from pmg.pipeline.machine.axis import Axis
     from pmg.sim.signals import Array
 
 DELAY, FADE, GAIN, LIMIT = "delay", "drive_fade", "actuator_gain", "drive_limit"
@@ -39,22 +40,35 @@ class FreeRun:
         Whose parameters.
     record : str
         File name.
-    position : (n,) array
-        Simulated [m, rad].
+    of_speed : bool
+        Whether it is the speed [m/s, rad/s] that is compared, as no position was recorded; otherwise the position
+        [m, rad].
+    simulated : (n,) array
+        What the model gives.
     error : float
-        Root mean square of simulated less measured position [m, rad].
+        Root mean square of simulated less measured.
     largest : float
-        Largest difference [m, rad].
-    stroke : float
-        Measured way from end to end [m, rad].
+        Largest difference.
+    span : float
+        From the least measured value to the largest: of the position, the stroke.
     """
 
     model: str
     record: str
-    position: Array
+    of_speed: bool
+    simulated: Array
     error: float
     largest: float
-    stroke: float
+    span: float
+
+    @property
+    def words(self) -> tuple[str, str]:
+        """What is simulated, and what its span is called."""
+        return ("speed", "range") if self.of_speed else ("position", "stroke")
+
+    def shown(self, axis: Axis) -> tuple[str, float]:
+        """Unit in which it is shown, and what one is in SI."""
+        return axis.shown_speed if self.of_speed else axis.shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,8 +121,13 @@ def of_published(case: Case) -> tuple[SetTerm, ...]:
     return () if missing_parameters(case.library, case.published) else set_terms(case.library, case.published)
 
 
-def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRun | None:
-    r"""The position of a record from its force, its first position and speed.
+def measured(recorded: Recorded, *, of_speed: bool) -> Array:
+    """What a free run of a record is held against (n,): its position, or its speed."""
+    return recorded.motion.speed if of_speed else recorded.motion.position
+
+
+def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm], *, of_speed: bool = False) -> FreeRun | None:
+    r"""The position of a record, or its speed, from its force, its first position and speed.
 
     None where no term holds a mass, so that there is nothing to solve, and where the force of one at an instant is not
     known. A limit of the drive, a delay, a gain and a fade act on the force.
@@ -140,7 +159,7 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
     for i, force in enumerate(driving.tolist()):
         if abs(speed) > RUNS_AWAY:
             break
-        found[i] = position
+        found[i] = speed if of_speed else position
         now.put(motion, i, position, way, acceleration, force)
         if speed == 0.0:
             forward, backward = force - needed(HARDLY), force - needed(-HARDLY)
@@ -155,15 +174,10 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
             after, way = 0.0, 0.0
         step = 0.5 * h * (speed + after)
         position, speed, way = position + step, after, way + abs(step)
-    off = found - motion.position
-    return FreeRun(
-        model,
-        recorded.name,
-        found,
-        float(np.sqrt(np.mean(off**2))),
-        float(np.abs(off).max()),
-        float(np.ptp(motion.position)),
-    )
+    truth = measured(recorded, of_speed=of_speed)
+    off = found - truth
+    error, largest = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
+    return FreeRun(model, recorded.name, of_speed, found, error, largest, float(np.ptp(truth)))
 
 
 def _driving(motion: Motion, terms: Sequence[SetTerm]) -> Array:

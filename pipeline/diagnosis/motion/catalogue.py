@@ -92,7 +92,8 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
 
     Notes
     -----
-    Two lags one after the other are nearer to a delay than one is; they are a rival of a delay where one lag is.
+    The expansion of a short lag comes as near to a delay as to the lag; it is a rival of a delay where a lag is, of
+    first or second order.
     """
     best = naming.best
     late = [place for place, fit in enumerate(best.fits) if cast("MotionTerm", fit.candidate).comes_late]

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
 from pmg.pipeline.diagnosis.motion.catalogue import columns_beside
 from pmg.pipeline.fit.span import pseudo_inverse
 from pmg.pipeline.motion.smooth import BAND
@@ -44,13 +43,13 @@ def on_spring(naming: TermNaming, found: MotionEvidence) -> TermNaming:
     Notes
     -----
     A mass m on a spring of resonance :math:`\omega_0` acts on its rotor with :math:`m a / (1 - \omega^2/\omega_0^2)`;
-    below the resonance that is :math:`m (a - \ddot a / \omega_0^2)`. That is looked for where something is left.
+    below the resonance that is :math:`m (a - \ddot a / \omega_0^2)`. That is looked for even where nothing is left: one
+    column shows what is too little among all that a remainder may follow.
     """
-    if naming.remainder.p_value > FALSE_ALARM_RATE:
-        return naming
     for place, fit in enumerate(naming.best.fits):
         if fit.identifier == "rotor_inertia" and _below(naming.best.fits, place, found) > PLAIN:
-            why = f"the rest looks like a mass on a spring, its resonance below {READ_LOW * FIXED_FROM:.0f} Hz"
+            below = f"with a resonance below {READ_LOW * FIXED_FROM:.0f} Hz"
+            why = f"its torque grows with frequency like that of a mass on a spring, {below}"
             return replace(naming, explained=False, in_the_main=False, against=why)
     return naming
 

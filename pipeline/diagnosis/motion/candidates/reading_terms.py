@@ -158,7 +158,6 @@ def lag_terms(side: str) -> Iterator[MotionTerm]:
             mimicked_by=(f"skew_{side}",),
             source=sources.BALANCE,
             shape=Quantity("lag", "s", (1e-3, 0.1)),
-            between=order > 1,
             component=transducer,
             shaft=side,
             variant=f"{name} order",

@@ -46,8 +46,8 @@ class MotionTerm(Term[RotorView]):
     holds : tuple of str
         Ids of mechanisms that it is where a part of it is zero.
     between : bool
-        Whether its law lies between the usual one of its mechanism and that of another, so that it is a rival of the
-        other where the usual one is, too.
+        Whether its law is an expansion that lies between others of its mechanism and that of another mechanism, so that
+        it is a rival of that one where one of those is, too.
     within : str
         Variant of the same mechanism of which it is a special case; empty of none.
     mixes : bool
