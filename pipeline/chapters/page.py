@@ -234,7 +234,9 @@ def _verdict(
     warnings += [Caution(text, "data") for text in _contradictions(recorded.findings)]
     warnings += [Caution(*odd) for odd in oddities(grid)]
     above = 0 if analysis.balance is None else int(analysis.balance.above_one().sum())
-    figures = [("Points accepted", f"{int(grid.accepted.sum())} of {len(grid)}")]
+    zeros = int(grid.points.zero.sum())
+    checks = f" ({counted(zeros, 'zero')})" if zeros else ""
+    figures = [("Points accepted", f"{int(grid.accepted.sum())} of {len(grid)}{checks}")]
     if agreed is not None:
         out = int(agreed.compared.sum()) - int(agreed.within.sum())
         figures.append(("Compared points out of tolerance", f"{out} of {int(agreed.compared.sum())}"))
