@@ -65,10 +65,12 @@ def wrapped(text: str, width: float, size: float, weight: str = "normal") -> tup
     lines: list[str] = []
     if not text.strip():
         return ()
+    space = text_width("a b", size, weight) - text_width("ab", size, weight)
+    taken = 0.0
     for word in _SPACES.split(text.strip(" \t\n")):
-        longer = f"{lines[-1]} {word}" if lines else word
-        if lines and text_width(longer, size, weight) <= width:
-            lines[-1] = longer
+        needed = text_width(word, size, weight)
+        if lines and taken + space + needed <= width:
+            lines[-1], taken = f"{lines[-1]} {word}", taken + space + needed
         else:
-            lines.append(word)
+            lines, taken = [*lines, word], needed
     return tuple(lines)
