@@ -66,6 +66,7 @@ class Axis:
         """SI unit of its speed."""
         return f"{self.length}/s"
 
+    @property
     def acceleration(self) -> str:
         """SI unit of its acceleration."""
         return f"{self.length}/s2"

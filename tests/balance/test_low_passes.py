@@ -16,10 +16,12 @@ from tests.slow import slow
 from pmg.pipeline.commands.machines.terms import run_terms
 from pmg.pipeline.diagnosis.balance import low_passes
 from pmg.pipeline.diagnosis.balance.case_file import read_case
+from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
+from pmg.pipeline.diagnosis.balance.document import headline
 from pmg.pipeline.diagnosis.balance.library.elastic import RESONANCE
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_remarks, low_pass_sentence
 from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried, try_low_passes
-from pmg.pipeline.diagnosis.balance.records.reading import KEPT
+from pmg.pipeline.diagnosis.balance.records.reading import KEPT, read_recordings
 from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.machine.channel import PrepareTable
@@ -93,8 +95,8 @@ def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts()
         for name in ("coulomb", RESONANCE, "delay")
     )
 
-    def told(verdict: Verdict, *tried: LowPassTried) -> tuple[str, tuple[Remark, ...]]:
-        named = [SimpleNamespace(added="coulomb")] if verdict.names else []
+    def told(verdict: Verdict, *tried: LowPassTried, hangs: bool = False) -> tuple[str, tuple[Remark, ...]]:
+        named = [SimpleNamespace(added="coulomb")] if verdict.names or hangs else []
         found: Any = SimpleNamespace(
             verdict=verdict,
             mismatch=SimpleNamespace(found=verdict is not Verdict.CONSISTENT, false_alarm_rate=0.05),
@@ -102,6 +104,7 @@ def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts()
             steps=[SimpleNamespace(added=""), *named],
             contests=(),
             impossible=(),
+            hangs_on_low_pass=hangs,
             case=SimpleNamespace(prepare=SimpleNamespace(low_pass_hz=20.0)),
         )
         return low_pass_sentence(found), low_pass_remarks(found)
@@ -129,6 +132,37 @@ def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts()
     assert sentence == "Another low-pass: at 10 Hz the search says the same; at 40 Hz a mismatch is seen."
     assert not remarks
     assert told(Verdict.CONSISTENT) == ("", ())
+    others = at(10.0, friction, resonance), at(40.0, friction, resonance)
+    sentence, remarks = told(Verdict.NOT_IN_LIBRARY, *others, hangs=True)
+    assert sentence.startswith("It hangs on the low-pass of 20 Hz: at 10 Hz more comes in: two_masses; at 40 Hz")
+    assert len(remarks) == 1
+
+
+@pytest.mark.parametrize(
+    ("others", "named"),
+    [
+        ((("delay",), ("delay", "coulomb")), False),
+        ((("coulomb",), ("delay",)), True),
+        ((("delay",),), True),
+        ((("delay",), None), True),
+    ],
+)
+def test_what_neither_half_the_low_pass_nor_twice_names_is_not_named(
+    tmp_path: Path, others: tuple[tuple[str, ...] | None, ...], named: bool
+) -> None:
+    """Coulomb friction that is found; others find what is given, None where they see no mismatch."""
+    case = read_case(wheel.make_case(tmp_path, dry, terms='["inertia", "viscous"]'))
+    fits = {
+        name: SimpleNamespace(identifier=name, candidate=SimpleNamespace(title=name)) for name in ("coulomb", "delay")
+    }
+    tried = tuple(
+        LowPassTried(10.0 * (k + 1), 10, 0.5 if each is None else 0.002, tuple(fits[name] for name in each or ()))  # type: ignore[misc]
+        for k, each in enumerate(others)
+    )
+    found = diagnose_terms(case, *read_recordings(case), np.random.default_rng(1), tried)
+    assert found.verdict is (Verdict.NAMED if named else Verdict.NOT_IN_LIBRARY)
+    assert found.hangs_on_low_pass is not named
+    assert headline(found).startswith("Named: Coulomb" if named else "Nothing is named: Coulomb friction would explain")
 
 
 @pytest.mark.parametrize(

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.balance import wheel
+from scipy import stats
+from tests.balance import gearbox, wheel
 from tests.balance.test_known_terms import MACHINE, diagnosed, known, records, written
 
-from pmg.pipeline.diagnosis.balance.estimate import fit_together
+from pmg.pipeline.diagnosis.balance.estimate import T_95, fit_together
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
+from pmg.pipeline.diagnosis.balance.machine.power import steady_points
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
+from pmg.pipeline.diagnosis.balance.records.zero import _error
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.machine.machine_text import for_other_records
@@ -36,10 +40,10 @@ def offset(m: Turning) -> Array:
     return wheel.plain(m) + 0.05 * np.sign(m.speed) + ZERO
 
 
-def rest(path: Path, seed: int, drift: float = 0.0) -> None:
-    """20 s at rest; the noise of the speed is all that is seen of it."""
+def rest(path: Path, seed: int, drift: float = 0.0, rpm: float = 0.0, noise: float = 0.05) -> None:
+    """20 s at rest, or at a creep; the noise of the speed is all that is seen of it."""
     rng, t = np.random.default_rng(seed), np.arange(round(20.0 * wheel.RATE)) / wheel.RATE
-    n, torque = 0.05 * rng.standard_normal(len(t)), ZERO + drift * t + 2e-3 * rng.standard_normal(len(t))
+    n, torque = rpm + noise * rng.standard_normal(len(t)), ZERO + drift * t + 2e-3 * rng.standard_normal(len(t))
     rows = "\n".join(f"{a:.4f},{b:.4f},0.0,{1e3 * c:.5f}" for a, b, c in zip(t, n, torque, strict=True))
     path.write_text(f"t,n,phi,T\n{rows}\n")
 
@@ -61,8 +65,10 @@ def test_a_zero_at_rest_is_known_and_told(tmp_path: Path) -> None:
     file = written(tmp_path, AT_REST)
     settled = diagnosed(file, folder)
     assert settled.verdict is Verdict.CONSISTENT
+    assert settled.case.tares == {"force": pytest.approx(ZERO, abs=1e-4)}
     (each,) = settled.case.known
-    assert float(each.amplitudes[0]) == pytest.approx(ZERO, abs=1e-4)
+    assert float(each.amplitudes[0]) == 0.0
+    assert 0.0 < each.error < 1e-4
     (said,) = [f.message for f in settled.recorded.findings if "is taken out" in f.message]
     assert " N m" in said
     assert {path.name for path in settled.case.files} >= {"rest_1.csv", "rest_2.csv"}
@@ -87,7 +93,7 @@ def test_a_zero_that_hides_a_friction_of_direction_does_not(tmp_path: Path) -> N
 
 
 def test_the_error_of_a_zero_goes_with_what_it_scatters(tmp_path: Path) -> None:
-    """Zeros of two days that differ by more than either scatters make it as uncertain as that."""
+    """Zeros of two days that differ make the zero so unsure that as much friction of direction is no sure cause."""
     folder = records(tmp_path / "a", offset, 3)
     rest(folder / "rest_1.csv", 1)
     rest(folder / "rest_2.csv", 2, drift=1e-3)
@@ -95,7 +101,84 @@ def test_the_error_of_a_zero_goes_with_what_it_scatters(tmp_path: Path) -> None:
     (said,) = [f.message for f in case_of(read_machine(file), folder).findings]
     zero, error = (float(word) for word in said.split(", ")[1].removesuffix(" N m").split(" ± "))
     assert zero == pytest.approx(ZERO + 0.005, abs=2e-4)
-    assert error == pytest.approx(0.005, rel=0.1)
+    assert error == pytest.approx(0.005 * stats.t.ppf(0.975, 1) / T_95, rel=0.1)
+    found = diagnosed(file, folder)
+    assert found.verdict is Verdict.AMBIGUOUS
+    told = {step.added for step in found.steps[1:]} | {i for c in found.contests if c.open for i in c.rival.ids}
+    assert told == {"constant_offset", "direction_dependent_coulomb"}
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_its_interval_holds_the_truth_however_few_recordings_there_are(count: int) -> None:
+    rng, held = np.random.default_rng(count), []
+    for _ in range(2000):
+        means = rng.standard_normal(count)
+        held.append(abs(means.mean()) < T_95 * _error(list(means), [1e-9] * count))
+    assert 0.935 < np.mean(held) < 0.965
+
+
+def test_zeros_of_two_torques_are_taken_out_of_losses_too(tmp_path: Path) -> None:
+    """A motor cell that is off by 0.05 N m; at rest nothing is said of ratio and sign."""
+    folder = gearbox.make_records(
+        tmp_path / "records", gearbox.plain, lambda shown: gearbox.with_motor(shown, lambda motor: motor + 0.05)
+    )
+    still = np.zeros(10000)
+    m = gearbox.Geared(np.arange(10000) / 500.0, still, still, still)
+    gearbox.record(folder / "rest.csv", m, gearbox.Readings(still + 0.05, still, still), np.random.default_rng(3))
+    text = gearbox.SHIPPED.read_text(encoding="utf-8").replace("[records]", '[records]\nzero = ["rest*.csv"]', 1)
+    machine = read_machine(written(tmp_path, text))
+    case = case_of(machine, folder)
+    assert [finding.severity for finding in case.findings] == ["info"] * 2
+    assert case.tares["force"] == pytest.approx(0.05, abs=1e-3)
+    for point in steady_points(read_recordings(case)[0], machine, gearbox.INERTIA):
+        true = gearbox.VISCOUS * point.speed**2 + gearbox.COULOMB * abs(point.speed)
+        assert abs(point.loss - true) < 3.0 * point.u_loss
+        assert point.u_loss < 0.01 * abs(point.speed)
+
+
+def test_of_a_machine_that_coasts_the_zero_of_its_torque_is_no_cause(tmp_path: Path) -> None:
+    folder, t = tmp_path / "a", np.arange(12500) / wheel.RATE
+    folder.mkdir()
+    for k, start in enumerate((60.0, -55.0)):
+        rng, speed = np.random.default_rng(k), start * np.exp(-0.1 * t)
+        torque = ZERO + 1e-4 * rng.standard_normal(len(t))
+        n = speed * 30.0 / np.pi + 0.05 * rng.standard_normal(len(t))
+        rows = "\n".join(f"{a:.4f},{b:.4f},0.0,{1e3 * c:.5f}" for a, b, c in zip(t, n, torque, strict=True))
+        (folder / f"run_{k}.csv").write_text(f"t,n,phi,T\n{rows}\n")
+    rest(folder / "rest_1.csv", 1)
+    fixed = AT_REST.replace('"coulomb"]', '"coulomb"]\nfixed = { inertia = 0.02 }')
+    fixed = re.sub(r"^withheld = .*$", "", fixed, flags=re.MULTILINE)
+    found = diagnosed(written(tmp_path, fixed), folder)
+    assert found.recorded.coasts
+    assert not found.recorded.unsure.size
+    assert found.verdict is Verdict.CONSISTENT
+
+
+@pytest.mark.parametrize(("rpm", "noise"), [(0.015, 0.05), (0.0, 0.0)])
+def test_a_creep_is_no_rest_and_a_speed_of_nothing_is_one(tmp_path: Path, rpm: float, noise: float) -> None:
+    folder = records(tmp_path / "a", offset, 3)
+    rest(folder / "rest_1.csv", 1, rpm=rpm, noise=noise)
+    if rpm:
+        with pytest.raises(RecordingError, match="creeps"):
+            case_of(read_machine(written(tmp_path, AT_REST)), folder)
+        return
+    assert case_of(read_machine(written(tmp_path, AT_REST)), folder).tares["force"] == pytest.approx(ZERO, abs=1e-4)
+    read, _ = read_recordings(case_of(read_machine(written(tmp_path, MACHINE)), folder))
+    assert read.names == ("fit.csv",)
+
+
+def test_of_a_recording_that_moves_and_then_stands_the_part_that_moves_is_kept(tmp_path: Path) -> None:
+    folder = records(tmp_path / "a", offset, 3)
+    rest(folder / "rest_1.csv", 1)
+    moving, still = ((folder / name).read_text().splitlines() for name in ("fit.csv", "rest_1.csv"))
+    (folder / "rest_1.csv").unlink()
+    later = 30.0 + float(moving[-1].split(",")[0])
+    rows = (row.split(",", 1) for row in still[1:])
+    both = [*moving, *(f"{float(time) + later:.4f},{rest_of}" for time, rest_of in rows)]
+    (folder / "fit.csv").write_text("\n".join(both) + "\n")
+    read, _ = read_recordings(case_of(read_machine(written(tmp_path, MACHINE)), folder))
+    assert read.names == ("fit.csv (1)",)
+    assert any("the machine stands in" in finding.message for finding in read.findings)
 
 
 @pytest.mark.parametrize(
@@ -130,5 +213,8 @@ def test_a_zero_is_known_in_one_way(tmp_path: Path, more: str) -> None:
 def test_recordings_that_all_stand_are_refused(tmp_path: Path) -> None:
     folder = records(tmp_path / "a", offset, 3, ("withheld.csv",))
     rest(folder / "fit.csv", 1)
-    with pytest.raises(RecordingError, match="a machine that moves"):
+    with pytest.raises(RecordingError, match="a machine that moves") as told:
         read_recordings(case_of(read_machine(written(tmp_path, MACHINE)), folder))
+    shown = re.search(r'zero = \["fit.csv"\] takes its mean, ([-\d.e]+) N m, for the zero', str(told.value))
+    assert shown is not None
+    assert float(shown[1]) == pytest.approx(ZERO, abs=1e-4)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.causes import named_causes, near_causes
-from pmg.pipeline.diagnosis.balance.document import headline, percent
+from pmg.pipeline.diagnosis.balance.document import hanging, headline, percent
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_sentence
 from pmg.pipeline.diagnosis.balance.parts import ONE_SHAFT, TWO_SHAFTS, part_of
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
@@ -78,6 +78,8 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
         yield SheetAnswer("Possible causes" if several else "Its size", tuple(_sizes(causes, push)), CAUSES)
     elif d.impossible:
         yield SheetAnswer("Cause", (headline(d),))
+    elif d.hangs_on_low_pass:
+        yield SheetAnswer("Cause", (f"Not named: {hanging(d)}",))
     elif d.verdict is Verdict.NOT_IN_LIBRARY:
         but = "" if d.naming is None else f", but {why_not_named(d.naming, 'samples')}"
         near = (f"The closest, {each.title}, explains {each.share:.0%} of it{but}." for each in near_causes(d)[:1])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.analysis.outputs import analysed_campaign, read_analysis
+from pmg.pipeline.commands.at_bench.motion_sheet import diagnosed_again, motion_page, motion_sheet, references_csv
 from pmg.pipeline.commands.at_bench.sheet_page import BenchSheet, SheetRow, sheet_csv, sheet_page
 from pmg.pipeline.commands.compare_and_diagnose import SEED, compare_and_diagnose
 from pmg.pipeline.commands.motion import campaign_in_motion
@@ -17,6 +18,7 @@ from pmg.pipeline.diagnosis.design.expected_readings import expected_readings
 from pmg.pipeline.diagnosis.design.plans import A_POINT
 from pmg.pipeline.diagnosis.grid.candidates import grid_problem
 from pmg.pipeline.diagnosis.grid.statement import causes, phrase
+from pmg.pipeline.diagnosis.motion.statement import phrase as phrase_in_motion
 from pmg.pipeline.files.atomic import write_together
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.wording.plurals import counted
@@ -53,8 +55,7 @@ def run_next(store: Path, out: Path) -> Outcome:
     """
     moving = campaign_in_motion(store, analysed_campaign(store))
     if moving is not None:
-        do = "Run 'pmg compare': its chapter on next runs lists them with the references of the drives."
-        raise FitError(str(store), "a campaign of runs in motion", "steady points", do)
+        return _next_runs(store, moving, out)
     whole = analysed(store, *read_analysis(store))
     judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED))
     if judged is None or whole.analysis.calibration is None:
@@ -83,6 +84,26 @@ def run_next(store: Path, out: Path) -> Outcome:
         "telling": telling,
     }
     return Outcome(data, tuple(lines))
+
+
+def _next_runs(store: Path, campaign: str, out: Path) -> Outcome:
+    """Write the next runs of a campaign in motion."""
+    diagnosis = diagnosed_again(store, campaign)
+    sheet, verdict, words = motion_sheet(diagnosis), str(diagnosis.verdict), phrase_in_motion(diagnosis)
+    if not sheet.runs:
+        return Outcome({"verdict": verdict, "files": []}, (f"{words}: no run is asked for; there is no sheet.",))
+    files = {out / SHEET: motion_page(sheet).encode(), out / POINTS: references_csv(sheet).encode()}
+    write_together(files)
+    data = {
+        "verdict": verdict,
+        "files": [str(path) for path in files],
+        "test": "; ".join(title for title, _ in sheet.tests),
+        "minutes": sheet.minutes,
+        "runs": len(sheet.runs),
+    }
+    told = (f"{title}: {words}" for title, words in sheet.tests)
+    head = f"{counted(len(sheet.runs), 'run')}, {sheet.minutes:.0f} min"
+    return Outcome(data, (f"{words}.", *told, head, *map(str, files)))
 
 
 @dataclass(frozen=True)

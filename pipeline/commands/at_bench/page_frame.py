@@ -10,6 +10,18 @@ from pmg.pipeline.wording.safe_text import printable
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 """What a browser may load for the page: nothing but the page itself."""
 
+SHEET_STYLE = """
+body{font-size:13px;line-height:1.4;max-width:72rem}
+h1{font-size:1.3rem;margin:0 0 .2rem}p,ul{margin:.25rem 0}ul{padding-left:1.2rem}
+table{width:100%;margin-top:.5rem}th,td{border:1px solid var(--rule);padding:.16rem .4rem;text-align:left}
+th{font-weight:600;vertical-align:bottom;background:var(--soft)}tr{break-inside:avoid}
+.box{display:inline-block;width:.8em;height:.8em;border:1px solid var(--ink);vertical-align:-.08em}
+.line{display:inline-block;min-width:9rem;border-bottom:1px solid var(--ink)}thead{display:table-header-group}
+@page{size:A4 landscape;margin:11mm}
+@media print{body{font-size:var(--letters,9.5px);padding:0;max-width:none}h1{font-size:14px}}
+"""
+"""Rules of a sheet to print, with boxes to tick and lines to write on; `--letters` is the size of its letters."""
+
 
 def framed(title: str, body: str, style: str, refresh: int | None = None) -> str:
     """A whole page as HTML.

@@ -7,7 +7,7 @@ import io
 from dataclasses import dataclass
 from string import ascii_uppercase
 
-from pmg.pipeline.commands.at_bench.page_frame import as_html, framed
+from pmg.pipeline.commands.at_bench.page_frame import SHEET_STYLE, as_html, framed
 from pmg.pipeline.wording.numerals import number
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.signals import RESIDUAL
@@ -23,15 +23,8 @@ HIGH, ABOVE, WIDE, BESIDE, OF_CAUSE = 37.0, 9.0, 1034.0, 530.0, 128.0
 bands, and of a cause with its band and box [px]."""
 
 STYLE = """
-body{font-size:13px;line-height:1.4;max-width:72rem}
-h1{font-size:1.3rem;margin:0 0 .2rem}p,ul{margin:.25rem 0}ul{padding-left:1.2rem;columns:30rem auto}
-table{width:100%;margin-top:.5rem}th,td{border:1px solid var(--rule);padding:.16rem .4rem}
-th{font-weight:600;text-align:right;vertical-align:bottom;background:var(--soft)}td{text-align:right;white-space:nowrap}
-th.words,td.words{text-align:left}td.write{min-width:4.5rem}tr.tells td{font-weight:700}tr{break-inside:avoid}
-.box{display:inline-block;width:.8em;height:.8em;border:1px solid var(--ink);vertical-align:-.08em;margin:0 .1em 0 .4em}
-.line{display:inline-block;min-width:9rem;border-bottom:1px solid var(--ink)}thead{display:table-header-group}
-@page{size:A4 landscape;margin:11mm}
-@media print{body{font-size:var(--letters);padding:0;max-width:none}h1{font-size:14px}th,td{padding:.2em .45em}}
+ul{columns:30rem auto}th,td{text-align:right}td{white-space:nowrap}th.words,td.words{text-align:left}
+td.write{min-width:4.5rem}tr.tells td{font-weight:700}.box{margin:0 .1em 0 .4em}@media print{th,td{padding:.2em .45em}}
 """
 
 
@@ -142,7 +135,7 @@ Tare sun, ring <span class="line"></span></p>
 <tbody>{rows}</tbody></table>
 """
     size = f":root{{--letters:{_letter_size(len(sheet.rows), len(shown)):.2f}px}}"
-    return framed(f"Next test: {sheet.campaign}", body, f"{size}{STYLE}")
+    return framed(f"Next test: {sheet.campaign}", body, f"{size}{SHEET_STYLE}{STYLE}")
 
 
 def _letters(causes: int) -> list[str]:

@@ -59,7 +59,7 @@ DOCUMENT = "terms.json"
 RESIDUALS = "residuals.csv"
 """Residuals of the models, sample by sample."""
 
-STEPS = ("recordings", "terms and their proof", "half the low-pass, and twice", "report")
+STEPS = ("recordings", "half the low-pass, and twice", "terms and their proof", "report")
 """Steps of a diagnosis, as its progress names them."""
 
 WITH_CAUSE = "machine-with-cause.toml"
@@ -125,9 +125,9 @@ def _run(
     steps.begin(STEPS[0])
     recorded, withheld = read_recordings(case)
     steps.begin(STEPS[1])
-    diagnosis = diagnose_terms(case, recorded, withheld, np.random.default_rng(seed))
+    low_passes = try_low_passes(case, np.random.default_rng(seed))
     steps.begin(STEPS[2])
-    diagnosis = replace(diagnosis, low_passes=try_low_passes(case, np.random.default_rng(seed)))
+    diagnosis = diagnose_terms(case, recorded, withheld, np.random.default_rng(seed), low_passes)
     steps.begin(STEPS[3])
     files = [file, *case.files]
     digests = {file.name: sha256_of(file), **{case.label(path): sha256_of(path) for path in case.files}}

@@ -87,6 +87,8 @@ class Case:
         Name of the shaft that the balance is of; empty where there is no machine file.
     second : SecondFile, optional
         Where the channels of the second shaft lie, if not in the same file.
+    tares : mapping of str to float
+        Of channels that have one, what they show at rest with the drive off [SI]: it is taken out of them.
     findings : tuple of Finding
         What was lost, or found, in reading `zero`.
     """
@@ -110,6 +112,7 @@ class Case:
     shaft: str = ""
     second: SecondFile | None = None
     zero: tuple[Path, ...] = ()
+    tares: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
 
     @property

@@ -15,6 +15,7 @@ from pmg.pipeline.diagnosis.balance.free_run import free_run, of_fit, of_publish
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
 from pmg.pipeline.diagnosis.balance.mismatch import find_mismatch, record_evidence
 from pmg.pipeline.diagnosis.balance.proof import FurtherDecoys, surrogate_decoys, try_decoys, withheld_samples
+from pmg.pipeline.diagnosis.balance.records.zero import ZERO
 from pmg.pipeline.diagnosis.balance.search_record import search_record
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
@@ -25,12 +26,14 @@ from pmg.pipeline.diagnosis.engine.withheld import withhold
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case import Case
+    from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
     from pmg.pipeline.diagnosis.balance.free_run import FreeRun
     from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried
     from pmg.pipeline.diagnosis.balance.mismatch import Place
     from pmg.pipeline.diagnosis.balance.noise_model import NoiseModel
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
+    from pmg.pipeline.diagnosis.balance.search_record import Searched
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
 
@@ -70,6 +73,8 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
         Each record simulated from its force alone: by the published parameters where there are any, and by the models.
     low_passes : tuple of LowPassTried
         What the search says with other low-passes, where that was asked.
+    hangs_on_low_pass : bool
+        Whether a cause was found that neither half the low-pass nor twice names: then nothing is named.
     """
 
     case: Case
@@ -87,10 +92,15 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     left_over: Mismatch[Place]
     free_runs: tuple[FreeRun, ...]
     low_passes: tuple[LowPassTried, ...] = ()
+    hangs_on_low_pass: bool = False
 
 
 def diagnose_terms(
-    case: Case, recorded: Recorded, withheld: Recorded | None, rng: np.random.Generator
+    case: Case,
+    recorded: Recorded,
+    withheld: Recorded | None,
+    rng: np.random.Generator,
+    low_passes: tuple[LowPassTried, ...] = (),
 ) -> TermsDiagnosis:
     """Test for a mismatch, search the library for the terms that make it, prove them on what they have not seen.
 
@@ -103,16 +113,14 @@ def diagnose_terms(
         which make its error larger (None without one).
     rng : numpy.random.Generator
         Draws synthetic records, resamples, decoys.
+    low_passes : tuple of LowPassTried
+        What the search says with half the low-pass and with twice, where that was asked.
     """
     s = search_record(case, recorded, rng)
     noise, found, named = s.noise.noise, s.found, s.named
-    further, decoys = FurtherDecoys(0, 0, 0.0, ()), None
     apart = rng.spawn(1)[0]
-    if found is not None:
-        design = design_of(recorded, s.free, named)
-        other = None if withheld is None else (withheld, design_of(withheld, s.free, named))
-        further = try_decoys(found.best.problem, noise, design, recorded, other, rng)
-        decoys = offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, noise, apart))
+    further = FurtherDecoys(0, 0, 0.0, ()) if found is None else _further_decoys(s, found, recorded, withheld, rng)
+    decoys = found and offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, noise, apart))
     data = BalanceData(recorded, withheld, s.noise, s.free)
     steps = tuple(model_step(data, named[:k], rng) for k in range(len(named) + 1))
     held: HeldOut | None = None
@@ -132,8 +140,11 @@ def diagnose_terms(
             contests = contest(data, s.problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
     impossible = impossible_in(steps[-1].fitted)
-    if impossible:
+    hangs = verdict is Verdict.NAMED and not impossible and _none_names(named, low_passes, s.mismatch.false_alarm_rate)
+    if impossible or hangs:
         verdict = Verdict.NOT_IN_LIBRARY
+    if found is not None and hangs:
+        found = replace(found, against="neither half the low-pass nor twice names it")
     last = settled(s.problem, (refinements or steps)[-1].fitted.fits)
     return TermsDiagnosis(
         verdict=verdict,
@@ -150,12 +161,35 @@ def diagnose_terms(
         refinements=refinements,
         dropped=dropped,
         impossible=impossible,
-        twins=find_twins(s.problem),
+        twins=_twins_told(s.problem, case, (named, *(each.rival.fits for each in contests if each.open))),
         further_decoys=further,
         contests=contests,
         left_over=find_mismatch(record_evidence(s.noise, last, s.looked, s.evidence.null), s.looked),
         free_runs=_free_runs(data, case, steps, refinements),
+        low_passes=low_passes,
+        hangs_on_low_pass=hangs,
     )
+
+
+def _further_decoys(
+    s: Searched, found: TermNaming, recorded: Recorded, withheld: Recorded | None, rng: np.random.Generator
+) -> FurtherDecoys:
+    """Terms without a meaning, offered to what the leading set leaves."""
+    design = design_of(recorded, s.free, s.named)
+    other = None if withheld is None else (withheld, design_of(withheld, s.free, s.named))
+    return try_decoys(found.best.problem, s.noise.noise, design, recorded, other, rng)
+
+
+def _none_names(named: tuple[TermFit, ...], low_passes: tuple[LowPassTried, ...], limit: float) -> bool:
+    """Whether both other low-passes see a mismatch, and neither names the same terms."""
+    others = [each.ids for each in low_passes if each.p_value <= limit]
+    return len(others) > 1 and {fit.identifier for fit in named} not in others
+
+
+def _twins_told(problem: TermProblem, case: Case, sets: tuple[tuple[TermFit, ...], ...]) -> tuple[Twins, ...]:
+    """Terms that look alike; a zero that recordings at rest show stands for none, unless it is among what is told."""
+    told = {fit.identifier for fits in sets for fit in fits}
+    return tuple(each for each in find_twins(problem) if not case.zero or ZERO not in each.ids or ZERO in told)
 
 
 def _free_runs(

@@ -165,7 +165,8 @@ def _contest(contest: Contest, unit: str) -> dict[str, Any]:
 
 def taken_for_granted(case: Case, joint: str) -> str:
     """The terms of the baseline by their ids, and further ones that are known."""
-    further = f"; known: {joint.join(each.term.key for each in case.known)}" if case.known else ""
+    known = joint.join(each.term.key for each in case.known if each.amplitudes.any())
+    further = f"; known: {known}" if known else ""
     return f"{joint.join(case.baseline)}{further}"
 
 
@@ -185,6 +186,8 @@ def headline(diagnosis: TermsDiagnosis) -> str:
             head = f"Consistent: no mismatch beyond the noise (p = {diagnosis.mismatch.p_value:.2g})."
         case Verdict.NOT_IN_LIBRARY if diagnosis.impossible:
             head = "Nothing is named."
+        case Verdict.NOT_IN_LIBRARY if diagnosis.hangs_on_low_pass:
+            head = f"Nothing is named: {hanging(diagnosis)}"
         case Verdict.NOT_IN_LIBRARY:
             places = "; ".join(place.name for place in diagnosis.mismatch.locations[:3])
             head = f"Not in the library: a mismatch that follows {places}, and no set of terms explains it."
@@ -202,6 +205,13 @@ def headline(diagnosis: TermsDiagnosis) -> str:
     main = in_the_main_sentence(diagnosis.naming, diagnosis.held_out) if diagnosis.verdict.names else ""
     told = (*_impossible(diagnosis), head, main, _errors(diagnosis, first, last))
     return " ".join(sentence for sentence in told if sentence)
+
+
+def hanging(diagnosis: TermsDiagnosis) -> str:
+    """What was found and is not named, as it hangs on the low-pass."""
+    found = titles_of(step.fitted.fits[-1] for step in diagnosis.steps[1:])
+    at = f"with the low-pass of {diagnosis.case.prepare.low_pass_hz:g} Hz"
+    return f"{found} would explain it {at}, but neither half of that nor twice names the same."
 
 
 def _impossible(diagnosis: TermsDiagnosis) -> Iterator[str]:

@@ -33,6 +33,9 @@ may take its part, as a power of speed takes that of dry friction."""
 STEPS, LONGEST, ENOUGH = 20, 0.2, 1e-5
 """Steps in which shapes are fitted together, the longest, as part of a shape, and one that moves nothing any more."""
 
+WORSE = 1.01
+"""Squares over those before up to which shapes fitted together are taken: freed from noise, they are not the least."""
+
 INERTIA = "inertia"
 """Term that the equation of motion is solved for."""
 
@@ -75,9 +78,9 @@ class FittedTerms:
     baseline : tuple of Term
         Free terms of the baseline.
     fits : tuple of TermFit
-        Further terms, whose shapes are kept.
+        Further terms, with their shapes.
     values : (k,) array
-        Amplitudes by least squares.
+        Amplitudes.
     estimates : tuple of Estimate
         The same with errors, and the shapes.
     """
@@ -175,7 +178,9 @@ def fit_together(
     white, force = noise.whiten(full), noise.whiten(recorded.force[:, None])[:, 0]
     again = solve(white[:, : design.shape[1]], force)
     left, known = force - white[:, : design.shape[1]] @ again, np.r_[again, known[len(again) :]]
-    white_error = np.sqrt(np.diag(covariance_of(white, left, known, BLOCKS)))
+    unsure = noise.whiten(recorded.unsure).T if recorded.unsure.size else ()
+    moved = np.stack([solve(white, column) for column in unsure] or [0.0 * known])
+    white_error = np.sqrt(np.diag(covariance_of(white, left, known, BLOCKS)) + np.sum(moved**2, axis=0))
     names = [(t.identifier, q.name, q.unit) for t in baseline for q in t.amplitudes]
     names += [(f.identifier, q.name, q.unit) for f in fits for q in f.candidate.amplitudes]
     estimates = [
@@ -209,7 +214,7 @@ def _settled(recorded: Recorded, baseline: tuple[Term[Motion], ...], fits: tuple
         moves = _solve_quiet(recorded, baseline, np.hstack([design, slopes]), left)[len(values) :]
         moved, farthest = _moved(tried, moves)
         if farthest < ENOUGH:
-            return tried if squares <= most else fits
+            return tried if squares <= WORSE * most else fits
         tried = moved
     return fits
 

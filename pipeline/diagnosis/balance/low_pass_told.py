@@ -30,7 +30,7 @@ def said_with(d: TermsDiagnosis, tried: LowPassTried) -> str:
         return "a mismatch is seen" if tried.p_value <= limit / len(d.low_passes) else SAME
     if tried.p_value > limit:
         return "no mismatch is seen"
-    if not d.verdict.names:
+    if not _leads(d):
         return _said_of_open(d, tried)
     leading, terms = _leading(d), _titles(tried.fits)
     if tried.ids in [leading, *(contest.rival.ids for contest in d.contests if contest.open)]:
@@ -55,13 +55,23 @@ def _titles(fits: Iterable[TermFit]) -> str:
     return titles_of(fits) or "no term"
 
 
+def _leads(d: TermsDiagnosis) -> bool:
+    """Whether a set was found with the low-pass in force, be it named or not for hanging on that."""
+    return d.verdict.names or d.hangs_on_low_pass
+
+
+def _hangs(d: TermsDiagnosis) -> bool:
+    return d.hangs_on_low_pass or any(_contradicts(d, each) for each in d.low_passes)
+
+
 def _leading(d: TermsDiagnosis) -> frozenset[str]:
     return frozenset(step.added for step in d.steps[1:])
 
 
 def _may_explain(d: TermsDiagnosis, tried: LowPassTried) -> bool:
     sizes = all(abs(each.value) > NOT_NOTHING * each.standard_error for each in tried.sizes)
-    return d.verdict is Verdict.NOT_IN_LIBRARY and not d.impossible and tried.explained and bool(tried.fits) and sizes
+    nothing_leads = d.verdict is Verdict.NOT_IN_LIBRARY and not d.impossible and not d.hangs_on_low_pass
+    return nothing_leads and tried.explained and bool(tried.fits) and sizes
 
 
 def _lets_in_a_resonance(d: TermsDiagnosis, tried: LowPassTried) -> bool:
@@ -70,7 +80,7 @@ def _lets_in_a_resonance(d: TermsDiagnosis, tried: LowPassTried) -> bool:
 
 def _contradicts(d: TermsDiagnosis, tried: LowPassTried) -> bool:
     """Whether another low-pass names other terms where it sees a mismatch, and lets in nothing that would hide them."""
-    same = not d.verdict.names or tried.p_value > d.mismatch.false_alarm_rate or said_with(d, tried) == SAME
+    same = not _leads(d) or tried.p_value > d.mismatch.false_alarm_rate or said_with(d, tried) == SAME
     leading = _leading(d)
     return not (same or leading < tried.ids or tried.ids < leading or _lets_in_a_resonance(d, tried))
 
@@ -83,14 +93,14 @@ def low_pass_sentence(d: TermsDiagnosis) -> str:
     if all(said == SAME for _, said in told):
         return f"With a low-pass of {' or '.join(at for at, _ in told)} {SAME}."
     others = "; ".join(f"at {at} {said}" for at, said in told)
-    if any(_contradicts(d, each) for each in d.low_passes):
+    if _hangs(d):
         return f"It hangs on the low-pass of {d.case.prepare.low_pass_hz:g} Hz: {others}."
     return f"Another low-pass: {others}."
 
 
 def low_pass_remarks(d: TermsDiagnosis) -> tuple[Remark, ...]:
     """A warning where another low-pass names other terms, or explains what is open here."""
-    if any(_contradicts(d, each) for each in d.low_passes):
+    if _hangs(d):
         do = "Set it below the first resonance, and high enough to keep what follows a reversal."
         return (Remark("warning", "low_pass_Hz", f"{low_pass_sentence(d)} {do}"),)
     better = next((each for each in d.low_passes if _may_explain(d, each)), None)

@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.fit.structure import ResidualStructure
     from pmg.sim.signals import Array
 
+OPEN_ERRORS = 4.0
+"""Standard errors of a zero seen at rest by which it may be off, so that another term is no sure cause of as much."""
+
 
 def _free_terms(case: Case) -> tuple[Term[Motion], ...]:
     """Terms of the baseline whose amplitudes are free."""
@@ -42,11 +45,12 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
     """Terms that may be named; one whose amplitudes are taken as known may be off by what their bounds allow.
 
     Of a machine that coasts, none that goes with its acceleration, or with the force that is zero; none that needs a
-    channel which was not recorded; no zero where each recording has its own, or some show it; of a machine that moves
-    one way only, none that goes with direction as a plainer term does.
+    channel which was not recorded; no zero where each recording has its own, and of one that recordings at rest show no
+    more than its error leaves open; of a machine that moves one way only, none that goes with direction as a plainer
+    term does.
     """
     channels, coasts = recorded.motion.besides, recorded.coasts
-    seen_zero = case.own_zeros or bool(case.zero)
+    unsure = {each.term.key: OPEN_ERRORS * each.error for each in case.known} if case.zero else {}
     ways = recorded.motion.direction
     one_way = not (ways > 0.0).any() or not (ways < 0.0).any()
     known = {key: (value,) for key, value in case.fixed.items()}
@@ -57,8 +61,11 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
             continue
         if one_way and term.both_ways:
             continue
-        if not set(term.needs) <= set(channels) or (seen_zero and term.identifier == ZERO):
+        if not set(term.needs) <= set(channels) or (case.own_zeros and term.identifier == ZERO):
             continue
+        if (most := unsure.get(term.key)) is not None and term.identifier == ZERO:
+            (size,) = term.amplitudes
+            term = replace(term, amplitudes=(replace(size, bounds=(-most, most)),))
         if term.of_angle and RECORDING in channels:
             term = term.in_each(len(recorded.motion.starts))
         sizes = known.get(term.key)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,9 +68,8 @@ def diagnose_lot(task: MachineTask) -> dict[str, Any]:
 def _diagnosed(machine: Path, seed: int) -> dict[str, Any]:
     case = case_of(read_machine(machine), machine.parent / "records")
     fit, withheld = read_recordings(case)
-    diagnosis = diagnose_terms(case, fit, withheld, np.random.default_rng(seed))
-    diagnosis = replace(diagnosis, low_passes=try_low_passes(case, np.random.default_rng(seed)))
-    return _what_is_told(diagnosis)
+    low_passes = try_low_passes(case, np.random.default_rng(seed))
+    return _what_is_told(diagnose_terms(case, fit, withheld, np.random.default_rng(seed), low_passes))
 
 
 def _what_is_told(diagnosis: TermsDiagnosis) -> dict[str, Any]:

@@ -92,10 +92,12 @@ def steady_points(recorded: Recorded, machine: Machine, inertia: float) -> tuple
     -----
     :math:`P_\mathrm{loss} = (T_1 + T_2 / i - J \dot\omega_1) \omega_1`. The uncertainty by repetition is that of means
     of blocks of `BLOCK`; tolerances of transducers are half-widths of rectangular distributions that all readings of
-    one share. An efficiency above 1 is left as it is.
+    one share, and the zero of the balance has the error that recordings at rest leave. An efficiency above 1 is left as
+    it is.
     """
     assert machine.gear is not None  # two torques
     ratio, (first, second) = machine.gear.ratio, machine.ends
+    zero = float(np.linalg.norm(recorded.unsure.mean(axis=0)))
     found = []
     for group in _visits(list(_stretches(recorded, inertia))):
         blocks = [np.concatenate([getattr(s, name) for s in group]) for name in ("speed", "load", "balance")]
@@ -106,11 +108,11 @@ def steady_points(recorded: Recorded, machine: Machine, inertia: float) -> tuple
             visits = np.array([s.balance.mean() for s in group])
             repeat = max(repeat, float(np.std(visits, ddof=1)) / math.sqrt(len(group)))
         own, other = _tolerance(first, balance - load), _tolerance(second, load * ratio) / abs(ratio)
-        u_torque = math.sqrt(repeat**2 + own**2 + other**2)
+        u_torque = math.sqrt(repeat**2 + own**2 + other**2 + zero**2)
         into, out = (balance - load, own), (load, other)
         if into[0] * speed < 0.0:  # power goes the other way
             into, out = out, into
-        efficiency, u_efficiency = _efficiency(into, out, repeat)
+        efficiency, u_efficiency = _efficiency(into, out, math.hypot(repeat, zero))
         found.append(
             SteadyPoint(
                 speed=speed,

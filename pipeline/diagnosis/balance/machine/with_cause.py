@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.diagnosis.balance.case import OUTPUT
 from pmg.pipeline.diagnosis.balance.known_terms import of_its_recordings
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.machine.machine_text import for_other_records
@@ -12,15 +13,16 @@ from pmg.pipeline.machine.machine_text import for_other_records
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
-    from pmg.pipeline.diagnosis.balance.estimate import Estimate
     from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
 
 
 def with_cause(text: str, diagnosis: TermsDiagnosis) -> str:
     """A machine file with what was named as known terms, to go on with; empty where there is nothing to write.
 
-    It is for other recordings: names of those that were withheld are comments in it. Not written is a term whose size
+    It is for other recordings: names of those that were withheld, or at rest, are comments in it, and the zero that
+    those at rest showed of the balance is a known term. Not written is a term whose size
     is that of its recordings alone, one that the file knows already, one of a size that no file may give, and what does
     not fit into the form of the file.
 
@@ -42,8 +44,9 @@ def with_cause(text: str, diagnosis: TermsDiagnosis) -> str:
     parameters = [(fit.candidate, q, found[fit.identifier, q.name]) for fit in fits for q in fit.candidate.parameters]
     if not all(q.bounds[0] <= estimate.value <= q.bounds[1] for _, q, estimate in parameters):
         return ""
-    rows = "\n".join(row for term, _, estimate in parameters for row in _row(term, estimate))
-    whole = f"{for_other_records(text).rstrip()}\n\n# Named, and known from here on.\n{rows}\n"
+    rows = "\n".join(row for term, _, e in parameters for row in _rows(term, e.name, e.value, e.standard_error, e.unit))
+    zero = "".join(f"{row}\n" for row in _zero_rows(diagnosis.case))
+    whole = f"{for_other_records(text).rstrip()}\n\n{zero}# Named, and known from here on.\n{rows}\n"
     try:
         tomllib.loads(whole)
     except tomllib.TOMLDecodeError:  # the file has its model in braces, to which nothing can be added
@@ -51,10 +54,21 @@ def with_cause(text: str, diagnosis: TermsDiagnosis) -> str:
     return whole
 
 
-def _row(term: Term[Motion], estimate: Estimate) -> Iterator[str]:
+def _zero_rows(case: Case) -> Iterator[str]:
+    """The zero of the balance that recordings at rest showed, as a known term."""
+    zero = next((each for each in case.known if each.error > 0.0), None)
+    if zero is None:
+        return
+    value = case.tares["force"] + case.tares.get(f"{OUTPUT}force", 0.0) / (case.ratio or 1.0)
+    (size,) = zero.term.amplitudes
+    yield "# The zero at rest."
+    yield from _rows(zero.term, size.name, value, zero.error, size.unit)
+
+
+def _rows(term: Term[Motion], name: str, value: float, error: float, unit: str) -> Iterator[str]:
     yield "[[model.known]]"
     yield f'term = "{term.key}"'
-    yield f'parameter = "{estimate.name}"'
-    yield f"value = {estimate.value:.9g}  # standard error {estimate.standard_error:.2g}"
-    yield f'unit = "{estimate.unit}"'
+    yield f'parameter = "{name}"'
+    yield f"value = {value:.9g}  # standard error {error:.2g}"
+    yield f'unit = "{unit}"'
     yield ""

@@ -79,13 +79,15 @@ def channels_in_si(
     found = whole_channels(source, [*(channel.name for channel, _ in channels.values()), *filter(None, [own_clock])])
     values = {}
     for kind, (channel, unit) in channels.items():
-        values[kind] = found[channel.name] * unit * _factor(source, channel, case)
+        values[kind] = found[channel.name] * unit * _factor(source, channel, case) - case.tares.get(kind, 0.0)
     if own_clock:
         values["time"] = found[own_clock]
     lengths = {len(value) for value in values.values()}
     if len(lengths) > 1:
         came = ", ".join(f"{kind}: {len(value)}" for kind, value in values.items())
         raise RecordingError(str(path), f"channels of several lengths ({came})", "one length", "Export them together.")
+    moving = [float(np.ptp(each)) > 0.0 for kind, each in values.items() if kind.endswith(("position", "velocity"))]
+    at_rest = bool(moving) and not any(moving)  # the whole machine stands: that is told later
     for kind, value in values.items():
         if kind == "time":
             continue
@@ -94,7 +96,7 @@ def channels_in_si(
         if len(bad):
             came = f"{len(bad)} values are no numbers, the first in row {bad[0] + 1}"
             raise RecordingError(where, came, "numbers", "Mend or cut the recording.")
-        may_rest = kind == "temperature" or (kind == "force" and "inertia" in case.fixed)
+        may_rest = kind == "temperature" or (kind == "force" and "inertia" in case.fixed) or at_rest
         if float(np.ptp(value)) == 0.0 and not may_rest:
             do = "Check the channel; of a machine that coasts, state its inertia."
             raise RecordingError(where, "the same value throughout", "a signal", do)

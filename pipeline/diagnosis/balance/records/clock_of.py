@@ -54,11 +54,9 @@ def clock_of(path: Path, case: Case, findings: Findings) -> Clock:
     """
     if case.second is None:
         return _even(path, case, case.channels, case.prepare.rate_hz, findings)
-    own = {kind: each for kind, each in case.channels.items() if not kind.startswith(OUTPUT)}
-    other = {kind: each for kind, each in case.channels.items() if kind.startswith(OUTPUT)} | {"time": case.second.time}
-    first = _even(path, case, own, case.prepare.rate_hz, findings)
+    first, second = clocks_apart(path, case, findings)
     there = case.second.of(path)
-    second = _even(there, case, other, None, findings)
+    own, other = (clock.stretches[0].channels for clock in (first, second))
     where = f"{path.name} and {there.name}"
     kind = next((k for k in COMMON if k in own and OUTPUT + k in other), None)
     if kind is None:
@@ -82,6 +80,24 @@ def clock_of(path: Path, case: Case, findings: Findings) -> Clock:
     lost = sum(len(one.time) for one in first.stretches) - sum(len(one.time) for one in stretches)
     _tell(found, kind, lost, findings)
     return replace(first, stretches=stretches)
+
+
+def clocks_apart(path: Path, case: Case, findings: Findings) -> tuple[Clock, ...]:
+    """The clock of a recording, and that of the second file where there is one: at rest nothing brings them together.
+
+    Raises
+    ------
+    RecordingError
+        As `clock_of`.
+    """
+    if case.second is None:
+        return (clock_of(path, case, findings),)
+    own = {kind: each for kind, each in case.channels.items() if not kind.startswith(OUTPUT)}
+    other = {kind: each for kind, each in case.channels.items() if kind.startswith(OUTPUT)} | {"time": case.second.time}
+    return (
+        _even(path, case, own, case.prepare.rate_hz, findings),
+        _even(case.second.of(path), case, other, None, findings),
+    )
 
 
 def _even(

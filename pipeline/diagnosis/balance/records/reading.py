@@ -97,7 +97,11 @@ def read_recordings(case: Case) -> tuple[Recorded, Recorded | None]:
 
 
 class _StandsError(RecordingError):
-    """A recording in which the machine never moves."""
+    """A recording, or a stretch of one, in which the machine never moves; with the name of its file."""
+
+    def __init__(self, path: Path, came: str, do: str) -> None:
+        super().__init__(str(path), came, "a machine that moves", do)
+        self.file = path.name
 
 
 def _moving(paths: Sequence[Path], case: Case, resting: list[Finding]) -> list[_Read]:
@@ -117,7 +121,7 @@ def _moving(paths: Sequence[Path], case: Case, resting: list[Finding]) -> list[_
     if still and not found:
         raise still[0]
     for each in still:
-        told = Findings(each.where)
+        told = Findings(each.file)
         told.warning(Code.CHANNEL_VALUE, "speed", f"{each.came}: left out", each.do)
         resting += told.listed()
     return found
@@ -154,12 +158,21 @@ def _read(path: Path, case: Case) -> list[_Read]:
         message = f"the {len(short.time)} samples from {short.start:g} s are left out: filters need {fewest}"
         findings.info(Code.SAMPLES_GAP, "time", message, "Nothing to do, or record without pauses.")
     name = case.label(path)
-    names = [name if len(whole) == 1 else f"{name} ({k})" for k in range(1, len(whole) + 1)]
     begun = clock.stretches[0].start
-    motions = [_moved(path, stretch, begun, smoother, case, findings) for stretch in whole]
+    found, still = list[tuple[str, Motion]](), list[_StandsError]()
+    for k, stretch in enumerate(whole, 1):
+        try:
+            motion = _moved(path, stretch, begun, smoother, case, findings)
+        except _StandsError as fault:
+            still.append(fault)
+            message = f"the machine stands in the {len(stretch.time)} samples from {stretch.start:g} s: left out"
+            findings.info(Code.SAMPLES_GAP, "time", message, "Nothing to do.")
+        else:
+            found.append((name if len(whole) == 1 else f"{name} ({k})", motion))
+    if not found:
+        raise still[0]
     told = findings.listed()
-    pairs = zip(names, motions, strict=True)
-    return [_Read(name, motion, told if k == 0 else ()) for k, (name, motion) in enumerate(pairs)]
+    return [_Read(called, motion, told if k == 0 else ()) for k, (called, motion) in enumerate(found)]
 
 
 def _tell_band(case: Case, rate_hz: float, findings: Findings) -> None:
@@ -206,7 +219,7 @@ def _moved(
     besides[TURNED_BEFORE] = np.full_like(time, _turned_before(position[: drop + 1], speed[: drop + 1], rest_speed))
     if given.rest_speed is None and stands(speed[inner], rest_speed):
         came = f"a speed of {np.abs(speed[inner]).max():.3g} {case.axis.speed} at most, which may be noise"
-        raise _StandsError(str(path), came, "a machine that moves", _of_rest(path, values.get("force"), case))
+        raise _StandsError(path, came, _of_rest(path, values.get("force"), case))
     acceleration = smoother.slope(speed)[inner]
     besides[NOISY] = np.zeros_like(time)
     besides[NOISY][inner] = smoother.noise_in(acceleration, noise[1], of_position="velocity" not in values)
@@ -228,7 +241,7 @@ def _moved(
 def _of_rest(path: Path, force: Array | None, case: Case) -> str:
     """What to do with a record at rest: its mean is the zero, where the drive was off."""
     check = "Check the channels and their units."
-    if force is None:
+    if force is None or not case.shaft:
         return check
     zero = f"its mean, {float(np.mean(force)):.4g} {case.axis.push}"
     return f'{check} If the drive was off, [records] zero = ["{path.name}"] takes {zero}, for the zero.'

@@ -281,7 +281,8 @@ def with_known(
         rest = replace(found.motion, modelled=found.motion.modelled - distorted)
         distorted = np.asarray(sum(each.of(rest) for each in faults))
         found = _freed(plain, case, columns, known + distorted, of)
-    unsure = [found.thin(e.error * e.term.columns(found.motion, e.shape)) for e in case.known if e.error > 0.0]
+    seen = [e for e in case.known if e.error > 0.0 and not (e.term.needs_drive and found.coasts)]
+    unsure = [found.thin(e.error * e.term.columns(found.motion, e.shape)) for e in seen]
     return replace(found, unsure=np.hstack([np.zeros((len(found.force), 0)), *unsure]))
 
 

@@ -31,6 +31,16 @@ def stands(speed: Array, rest_speed: float) -> bool:
     return bool(size.max() <= WIDEST * rest_speed and np.mean(size > rest_speed) <= RARELY)
 
 
+STEADY_PARTS, PLAIN_CREEP = 20, 4.0
+"""Stretches of a speed whose means tell whether it creeps, and how many standard errors the mean of all lies off."""
+
+
+def creeps(speed: Array) -> bool:
+    """Whether a speed (n,) that may be noise has a mean that is none."""
+    means = np.array([part.mean() for part in np.array_split(speed, STEADY_PARTS)])
+    return bool(abs(means.mean()) > PLAIN_CREEP * means.std(ddof=1) / np.sqrt(STEADY_PARTS))
+
+
 def moves(motion: Motion, spoilt: int) -> Mask:
     """Samples (n,) that tell of friction: those at which the machine does not stand; all where none would be left.
 

@@ -49,6 +49,8 @@ class NextRun:
     power : float
         Probability that they do, at most: that the true one of two causes is then named alone, whichever it is; of a
         mechanism that the campaign cannot see, that it shows at the size that is worth knowing.
+    rivals : tuple of tuple of TermFit
+        Sets that they tell from the leading one; none of a mechanism that the campaign cannot see.
     """
 
     title: str
@@ -57,6 +59,7 @@ class NextRun:
     separates: tuple[str, ...]
     runs: tuple[ProposedRun, ...]
     power: float
+    rivals: tuple[tuple[TermFit, ...], ...] = ()
 
     @property
     def words(self) -> str:
@@ -87,7 +90,8 @@ def runs_to_tell(found: MotionEvidence, naming: TermNaming, slow_noise: SlowNois
         shafts = {fit.place for fit in (*best, *other)}
         sides = tuple(side for side in SIDES if shafts & {side, "both"})
         other = (*best, *other) if {f.candidate for f in other} < {f.candidate for f in best} else other
-        return _best(found, slow_noise, sides or SIDES, tuple(sorted(ids)), lambda f: f.power_between(best, other))
+        run = _best(found, slow_noise, sides or SIDES, tuple(sorted(ids)), lambda f: f.power_between(best, other))
+        return replace(run, rivals=(other,))
 
     return tuple(map(one, others))
 
@@ -131,10 +135,11 @@ def _best(
 
 
 def merged(runs: Iterable[NextRun]) -> tuple[NextRun, ...]:
-    """Each run once, with all that it tells apart and the least of its powers."""
+    """Each run once, with all that it tells apart, from whom, and the least of its powers."""
     found: dict[str, NextRun] = {}
     for run in runs:
         known = found.get(run.description, run)
         ids = tuple(sorted({*known.separates, *run.separates}))
-        found[run.description] = replace(run, separates=ids, power=min(known.power, run.power))
+        rivals = known.rivals if known is run else (*known.rivals, *run.rivals)
+        found[run.description] = replace(run, separates=ids, power=min(known.power, run.power), rivals=rivals)
     return tuple(found.values())
