@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.noise_model import NoiseModel
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.pipeline.diagnosis.balance.search_record import Searched
+    from pmg.pipeline.diagnosis.engine.decoys import Decoys
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
 
@@ -120,7 +121,7 @@ def diagnose_terms(
     noise, found, named = s.noise.noise, s.found, s.named
     apart = rng.spawn(1)[0]
     further = FurtherDecoys(0, 0, 0.0, ()) if found is None else _further_decoys(s, found, recorded, withheld, rng)
-    decoys = found and offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, noise, apart))
+    decoys = None if found is None else _decoys(s, found, recorded, apart)
     data = BalanceData(recorded, withheld, s.noise, s.free)
     steps = tuple(model_step(data, named[:k], rng) for k in range(len(named) + 1))
     held: HeldOut | None = None
@@ -178,6 +179,11 @@ def _further_decoys(
     design = design_of(recorded, s.free, s.named)
     other = None if withheld is None else (withheld, design_of(withheld, s.free, s.named))
     return try_decoys(found.best.problem, s.noise.noise, design, recorded, other, rng)
+
+
+def _decoys(s: Searched, found: TermNaming, recorded: Recorded, rng: np.random.Generator) -> Decoys:
+    """Terms of a phase that is random, offered beside the library."""
+    return offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, s.noise.noise, rng))
 
 
 def _none_names(named: tuple[TermFit, ...], low_passes: tuple[LowPassTried, ...], limit: float) -> bool:
