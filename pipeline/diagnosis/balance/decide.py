@@ -181,7 +181,7 @@ def _further_decoys(
     return try_decoys(found.best.problem, s.noise.noise, design, recorded, other, rng)
 
 
-def _decoys(s: Searched, found: TermNaming, recorded: Recorded, rng: np.random.Generator) -> Decoys:
+def _decoys(s: Searched, found: TermNaming, recorded: Recorded, rng: np.random.Generator) -> Decoys | None:
     """Terms of a phase that is random, offered beside the library."""
     return offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, s.noise.noise, rng))
 
