@@ -70,11 +70,13 @@ TRUTHS = {
 
 
 def test_intervals_hold_though_terms_were_found_in_turn(tmp_path: Path) -> None:
-    inside = []
+    inside, off = [], []
     for seed in range(CAMPAIGNS):
         _, fitted = read_slide(tmp_path / str(seed), seed)
-        found = {(e.term, e.name): e.interval for e in fitted.estimates}
-        inside.append([found[key][0] <= truth <= found[key][1] for key, truth in TRUTHS.items()])
+        found = {(e.term, e.name): e for e in fitted.estimates}
+        inside.append([found[key].interval[0] <= truth <= found[key].interval[1] for key, truth in TRUTHS.items()])
+        off.append([(found[key].value - truth) / found[key].standard_error for key, truth in TRUTHS.items()])
+    assert 0.75 < np.sqrt(np.mean(np.square(off))) < 1.25, "errors are neither too small nor too large"
     counts = dict(zip(TRUTHS, np.sum(inside, axis=0).tolist(), strict=True))
     assert min(counts.values()) >= 0.85 * CAMPAIGNS, counts
     assert sum(counts.values()) >= 0.92 * CAMPAIGNS * len(TRUTHS), counts

@@ -90,5 +90,5 @@ def test_campaigns_of_the_trial_tell_a_loose_mass_from_a_fixed_one(kind: str, nu
     found = diagnose_motion("mass", runs, load_bench(), np.random.default_rng(0))
     assert found.verdict is verdict
     assert found.naming is not None
-    assert found.naming.best.ids == {"rotor_inertia"}
-    assert ("looks like a mass on a spring" in motion_document(found)["statement"]) is (verdict is not Verdict.NAMED)
+    assert "rotor_inertia" in found.naming.best.ids
+    assert ("that of a mass on a spring" in motion_document(found)["statement"]) is (verdict is not Verdict.NAMED)

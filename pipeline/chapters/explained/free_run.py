@@ -40,15 +40,16 @@ def free_run_sections(d: TermsDiagnosis) -> tuple[Section, ...]:
         (
             Column("model", "Parameters"),
             Column("record", "Record"),
-            Column("rms", "Root mean square", shown, digits=2),
-            Column("largest", "Largest", shown, digits=1),
-            Column(span, span.capitalize(), shown, digits=0),
+            Column("rms", "Root mean square", shown, format=".3g"),
+            Column("largest", "Largest", shown, format=".3g"),
+            Column(span, span.capitalize(), shown, format=".3g"),
         ),
         tuple((r.model, r.record, r.error / small, r.largest / small, r.span / small) for r in d.free_runs),
     )
+    ends = "" if first.of_speed else f", so that an offset which the {pushes} lacks ends as a drift"
     text = (
         f"The {what} is simulated from the {pushes}, the first position and the first speed; no later sample "
-        f"corrects it, so that an offset which the {pushes} lacks ends as a drift. Parameters were fitted to the "
+        f"corrects it{ends}. Parameters were fitted to the "
         f"{pushes} of the first record, not to this error; no uncertainty is stated for it."
     )
     figure = Figure("terms-free-run", "Free run", "Without the baseline, which drifts away.", tuple(charts))

@@ -200,7 +200,8 @@ def headline(diagnosis: TermsDiagnosis) -> str:
             sure = ", ".join(title for title, each in zip(named, ids, strict=True) if each in shared)
             own = [step.fitted.fits[-1] for step in diagnosis.steps[1:]]
             sets = (own, *(c.rival.fits for c in rivals))
-            apart = "; or ".join(titles_of(f for f in fits if f.identifier not in shared) for fits in sets)
+            each_apart = (titles_of(f for f in fits if f.identifier not in shared) for fits in sets)
+            apart = "; or ".join(words or "nothing" for words in each_apart)
             head = f"Ambiguous: {sure}, and besides {apart}." if sure else f"Ambiguous: {apart}."
     main = in_the_main_sentence(diagnosis.naming, diagnosis.held_out) if diagnosis.verdict.names else ""
     told = (*_impossible(diagnosis), head, main, _errors(diagnosis, first, last))
@@ -291,6 +292,6 @@ def free_run_lines(diagnosis: TermsDiagnosis) -> list[str]:
         if math.isnan(run.error):
             lines.append(f"  {run.model:<12}{run.record}: runs away")
             continue
-        errors = f"{run.error / small:.2f} {shown} rms, {run.largest / small:.1f} {shown} at most"
-        lines.append(f"  {run.model:<12}{run.record}: {errors}, of a {span} of {run.span / small:.0f} {shown}")
+        errors = f"{run.error / small:.3g} {shown} rms, {run.largest / small:.3g} {shown} at most"
+        lines.append(f"  {run.model:<12}{run.record}: {errors}, of a {span} of {run.span / small:.3g} {shown}")
     return [*lines, ""]

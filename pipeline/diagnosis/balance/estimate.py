@@ -129,13 +129,18 @@ def for_search(recorded: Recorded, baseline: tuple[Term[Motion], ...]) -> tuple[
     fast part of the acceleration is taken out of the force with the inertia of plain least squares.
     """
     columns = design_of(recorded, baseline, ())
-    place = next((i for i, term in enumerate(baseline) if term.identifier == INERTIA), None)
+    place = _place_of_inertia(baseline)
     if place is None:
         return recorded, columns
     slow = recorded.slow(columns[:, place])
     inertia = solve(columns, recorded.force)[place]
     freed = replace(recorded, force=recorded.force - inertia * (columns[:, place] - slow))
     return freed, np.column_stack([columns[:, :place], slow, columns[:, place + 1 :]])
+
+
+def _place_of_inertia(baseline: tuple[Term[Motion], ...]) -> int | None:
+    """Which column of a baseline is that of the inertia; None without one."""
+    return next((i for i, term in enumerate(baseline) if term.identifier == INERTIA), None)
 
 
 def reversals(recorded: Recorded) -> Array:
@@ -167,7 +172,7 @@ def fit_together(
     shape as a further column, so that a shape that is not known widens the error of its amplitude; what is known of
     other terms with an error widens it, too.
     """
-    fits = _settled(recorded, baseline, fits)
+    fits = _shaped_together(recorded, baseline, fits)
     design = design_of(recorded, baseline, fits)
     values = _solve_quiet(recorded, baseline, design, recorded.force)
     full = np.hstack([design, _slopes(recorded, fits, _amplitudes(fits, values))])
@@ -198,7 +203,9 @@ def fit_together(
     return FittedTerms(baseline, fits, values, tuple(estimates))
 
 
-def _settled(recorded: Recorded, baseline: tuple[Term[Motion], ...], fits: tuple[TermFit, ...]) -> tuple[TermFit, ...]:
+def _shaped_together(
+    recorded: Recorded, baseline: tuple[Term[Motion], ...], fits: tuple[TermFit, ...]
+) -> tuple[TermFit, ...]:
     """Terms with their shapes fitted together by steps of Gauss and Newton; as they were where those lead nowhere.
 
     Each was searched beside the terms that were found before it; those that came later move it.
@@ -227,7 +234,7 @@ def _moved(fits: tuple[TermFit, ...], moves: Array) -> tuple[tuple[TermFit, ...]
         if quantity is not None:
             part = float(np.clip(next(rest) / fit.shape, -LONGEST, LONGEST))
             shape = fit.shape * math.exp(part)
-            if not fit.candidate.one_of and quantity.bounds[0] < shape < quantity.bounds[1]:
+            if quantity.bounds[0] < shape < quantity.bounds[1]:
                 fit, farthest = replace(fit, shape=shape), max(farthest, abs(part))
         found.append(fit)
     return tuple(found), farthest
@@ -241,7 +248,7 @@ def _amplitudes(fits: tuple[TermFit, ...], values: Array) -> Array:
 def _quiet(recorded: Recorded, baseline: tuple[Term[Motion], ...], columns: Array) -> Array:
     """Columns (n, k) with the acceleration of the inertia freed from noise; the same where none is known."""
     noise = recorded.motion.besides.get(NOISY)
-    place = next((i for i, term in enumerate(baseline) if term.identifier == INERTIA), None)
+    place = _place_of_inertia(baseline)
     if noise is None or place is None:
         return columns
     quiet = columns.copy()

@@ -31,7 +31,7 @@ PLAIN = 2.33
 
 
 def on_spring(naming: TermNaming, found: MotionEvidence) -> TermNaming:
-    r"""The answer, no inertia named where what it leaves says that the mass hangs on a spring.
+    r"""The answer, no inertia named where its torque grows with frequency as that of a mass on a spring does.
 
     Parameters
     ----------

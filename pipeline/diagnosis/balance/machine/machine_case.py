@@ -11,7 +11,7 @@ from pmg.pipeline.diagnosis.balance.known_terms import check_known, check_parame
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE, ROTARY_DRIVE
 from pmg.pipeline.diagnosis.balance.library.two_torques import TWO_TORQUES
 from pmg.pipeline.diagnosis.balance.library.warmth import warm_term
-from pmg.pipeline.diagnosis.balance.records.zero import with_zero
+from pmg.pipeline.diagnosis.balance.records.zero import ZERO, with_zero
 from pmg.pipeline.files.strict_tables import RefusalError
 from pmg.pipeline.importers.open_source import FORMATS
 from pmg.pipeline.machine.axis import LINEAR
@@ -63,7 +63,8 @@ def case_of(machine: Machine, records: Path) -> Case:
     withheld = _named(machine, "withheld", table.withheld, files)
     if len({*withheld, *zero}) == len(files):
         do = "Leave one of them to fit to."
-        raise machine.file.refusal("no recording is left", "at least one to fit", do, "records", "withheld")
+        key = "withheld" if withheld else "zero"
+        raise machine.file.refusal("no recording is left", "at least one to fit", do, "records", key)
     library = _library(main, table, two=two)
     fixed = dict(machine.model.fixed)
     if "force" not in main.channels and "inertia" not in fixed:
@@ -71,9 +72,9 @@ def case_of(machine: Machine, records: Path) -> Case:
     baseline = tuple(machine.model.baseline) or BASELINE
     channels = _channels(table, main, ends[1] if two else None)
     _check_twice(machine, channels)
-    if table.zeros == "own" and "constant_offset" in baseline:
+    if table.zeros == "own" and ZERO in baseline:
         do = 'Each recording has a zero of its own: leave it out, or set zeros = "common".'
-        raise machine.file.refusal("constant_offset", "terms that recordings share", do, "model", "baseline")
+        raise machine.file.refusal(ZERO, "terms that recordings share", do, "model", "baseline")
     try:
         check_model(library, baseline, fixed, ("model",), "baseline")
         check_parameters(library, machine.published, "published")
