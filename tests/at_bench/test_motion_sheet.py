@@ -18,7 +18,7 @@ from pmg.pipeline.diagnosis.balance.fitting import TermFit
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun, merged
-from pmg.pipeline.diagnosis.motion.design.proposed_run import CHANGE_S, ProposedRun, Reference, Swing
+from pmg.pipeline.diagnosis.motion.design.proposed_run import CHANGE_S, ProposedRun, Reference, Swing, with_runs
 from pmg.pipeline.diagnosis.motion.design.torque_apart import torque_apart
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.signals import RPM
@@ -71,10 +71,12 @@ def test_the_page_lists_the_runs_and_holds_no_script() -> None:
 
 def test_causes_lie_apart_by_what_they_do_in_the_run() -> None:
     found = _evidence((0, 1, 2, 5))
-    term = TERMS["rotor_inertia/sun/"]
-    one, thrice = (TermFit(term, 100.0, 1.0, np.zeros(0), (), np.array([more]), math.nan) for more in (1e-3, 3e-3))
+    term = TERMS["torque_gain_error/sun/"]
+    one, thrice = (TermFit(term, 100.0, 1.0, np.zeros(0), (), np.array([part]), math.nan) for part in (0.01, 0.03))
     apart = torque_apart(found, BACK, (one,), ())
-    assert apart["sun"] == pytest.approx(1e-3 * 900.0 * RPM / 15.0, rel=0.05)
+    whole, first = with_runs(found.baseline, (BACK,))
+    torque = np.concatenate([stretch.shaft.torque for stretch in whole.stretches[first:] if stretch.side == "sun"])
+    assert apart["sun"] == pytest.approx(0.01 * math.sqrt(np.mean(torque**2)), rel=0.05)
     assert apart.get("ring", 0.0) == 0.0
     assert torque_apart(found, BACK, (thrice,), (one,))["sun"] == pytest.approx(2.0 * apart["sun"])
 
