@@ -23,7 +23,7 @@ from pmg.pipeline.commands.machines.terms import run_terms
 from pmg.pipeline.diagnosis.balance import contest
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.contest import ModelStep
-from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
+from pmg.pipeline.diagnosis.balance.decide import diagnose_terms, with_free_runs
 from pmg.pipeline.diagnosis.balance.document import free_run_lines, headline, percent, terms_document, terms_lines
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE, ROTARY_DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import Motion
@@ -94,6 +94,7 @@ def test_a_machine_that_turns_is_named_in_its_own_units(
     ):
         assert estimates[term].unit == unit
         assert abs(estimates[term].value - truth) < 4.0 * estimates[term].standard_error + 0.01 * truth, term
+    found = with_free_runs(found)
     document = terms_document(found)
     assert "standard_deviation_Nm" in document["noise"]
     assert all(key in run for run in document["free_runs"])

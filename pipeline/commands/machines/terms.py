@@ -20,7 +20,7 @@ from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.causes import cause_lines, named_causes, near_causes, nearest_lines
-from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
+from pmg.pipeline.diagnosis.balance.decide import diagnose_terms, with_free_runs
 from pmg.pipeline.diagnosis.balance.document import free_run_lines, headline, terms_document, terms_lines
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_remarks
 from pmg.pipeline.diagnosis.balance.low_passes import try_low_passes
@@ -127,7 +127,7 @@ def _run(
     steps.begin(STEPS[1])
     low_passes = try_low_passes(case, np.random.default_rng(seed))
     steps.begin(STEPS[2])
-    diagnosis = diagnose_terms(case, recorded, withheld, np.random.default_rng(seed), low_passes)
+    diagnosis = with_free_runs(diagnose_terms(case, recorded, withheld, np.random.default_rng(seed), low_passes))
     steps.begin(STEPS[3])
     files = [file, *case.files]
     digests = {file.name: sha256_of(file), **{case.label(path): sha256_of(path) for path in case.files}}

@@ -71,7 +71,8 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     left_over : Mismatch
         What named terms and refinements leave.
     free_runs : tuple of FreeRun
-        Each record simulated from its force alone: by the published parameters where there are any, and by the models.
+        Each record simulated from its force alone, where that was asked: by the published parameters where there are
+        any, and by the models.
     low_passes : tuple of LowPassTried
         What the search says with other low-passes, where that was asked.
     hangs_on_low_pass : bool
@@ -91,7 +92,7 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     further_decoys: FurtherDecoys
     contests: tuple[Contest, ...]
     left_over: Mismatch[Place]
-    free_runs: tuple[FreeRun, ...]
+    free_runs: tuple[FreeRun, ...] = ()
     low_passes: tuple[LowPassTried, ...] = ()
     hangs_on_low_pass: bool = False
 
@@ -166,7 +167,6 @@ def diagnose_terms(
         further_decoys=further,
         contests=contests,
         left_over=find_mismatch(record_evidence(s.noise, last, s.looked, s.evidence.null), s.looked),
-        free_runs=_free_runs(data, case, steps, refinements),
         low_passes=low_passes,
         hangs_on_low_pass=hangs,
     )
@@ -198,27 +198,27 @@ def _twins_told(problem: TermProblem, case: Case, sets: tuple[tuple[TermFit, ...
     return tuple(each for each in find_twins(problem) if not case.zero or ZERO not in each.ids or ZERO in told)
 
 
-def _free_runs(
-    data: BalanceData, case: Case, steps: tuple[ModelStep, ...], refinements: tuple[ModelStep, ...]
-) -> tuple[FreeRun, ...]:
-    """Each record by each model that differs from the one before; none of a machine between two torques.
+def with_free_runs(d: TermsDiagnosis) -> TermsDiagnosis:
+    """A diagnosis with each record simulated by each model that differs from the one before.
 
-    Without a recorded position, which is the integral of the speed then, the speed is compared.
+    None of a machine between two torques. Without a recorded position, which is the integral of the speed then, the
+    speed is compared.
     """
+    case, steps, refinements = d.case, d.steps, d.refinements
     if case.ratio is not None:
-        return ()
+        return d
     published = of_published(case)
-    if RECORDING in data.recorded.motion.besides and any(each.term.of_angle for each in published):
+    if RECORDING in d.recorded.motion.besides and any(each.term.of_angle for each in published):
         published = ()  # at an angle that nobody recorded
     models = {"published": published, "baseline": of_fit(steps[0].fitted, case)}
     if len(steps) > 1:
         models["named"] = of_fit(steps[-1].fitted, case)
     if refinements:
         models["refined"] = of_fit(refinements[-1].fitted, case)
-    records = [one for whole in (data.recorded, data.withheld) if whole is not None for one in whole.each()]
+    records = [one for whole in (d.recorded, d.withheld) if whole is not None for one in whole.each()]
     of_speed = "position" not in case.channels
     runs = [free_run(name, record, terms, of_speed=of_speed) for name, terms in models.items() for record in records]
-    return tuple(run for run in runs if run is not None)
+    return replace(d, free_runs=tuple(run for run in runs if run is not None))
 
 
 def _absorbed(steps: tuple[ModelStep, ...]) -> tuple[Absorbed, ...]:
