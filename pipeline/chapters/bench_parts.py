@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from typing import Any
 
+SHEET = "`pmg next --store STORE --out DIR`"
+"""Command that writes the sheet of the next test."""
+
 GROUNDS = "diagnosis"
 """Section of a report that holds the grounds of its verdict."""
 

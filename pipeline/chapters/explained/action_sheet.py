@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.bench_parts import GROUNDS, bench_parts, part_words
+from pmg.pipeline.chapters.bench_parts import GROUNDS, SHEET, bench_parts, part_words
 from pmg.pipeline.chapters.explained.before_after import before_and_after
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.diagnosis import possible_components
@@ -253,9 +253,6 @@ def _efficiency(readings: Readings, wrong: Array, rows: npt.NDArray[np.int64]) -
     _, without = total_loss_and_efficiency(at, read - of_sun[rows], ring)
     return float(100.0 * np.abs(with_it - without).max())
 
-
-SHEET = "`pmg next --store STORE --out DIR`"
-"""Command that writes the sheet of the next test."""
 
 HIDDEN_LISTED = 3
 """Mechanisms whose detectable size is given."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.bench_parts import GROUNDS, parts_of
+from pmg.pipeline.chapters.bench_parts import GROUNDS, SHEET, parts_of
 from pmg.pipeline.chapters.simulated.motion import TIME
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
@@ -137,7 +137,7 @@ def _action(diagnosis: MotionDiagnosis) -> str:
 def _next(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...]) -> str:
     """Which run is next."""
     if diagnosis.next_runs:
-        return f"{capitalised(next_run(diagnosis))}. The references of its drives stand under Evidence."
+        return f"{capitalised(next_run(diagnosis))}. Its sheet: {SHEET}."
     if not diagnosis.mismatch.found:
         return "None is needed."
     clearest = _clearest(diagnosis, effects, traces)
