@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -113,7 +114,7 @@ def test_its_interval_holds_the_truth_however_few_recordings_there_are(count: in
     rng, held = np.random.default_rng(count), []
     for _ in range(2000):
         means = rng.standard_normal(count)
-        held.append(abs(means.mean()) < T_95 * _error(list(means), [1e-9] * count))
+        held.append(abs(means.mean()) < T_95 * _error(means, np.full(count, 1e-9)))
     assert 0.935 < np.mean(held) < 0.965
 
 
@@ -154,6 +155,48 @@ def test_of_a_machine_that_coasts_the_zero_of_its_torque_is_no_cause(tmp_path: P
     assert found.verdict is Verdict.CONSISTENT
 
 
+@pytest.mark.parametrize("angle", [0.0, 289.801, 193.739])
+def test_an_encoder_that_stands_on_one_count_stands(tmp_path: Path, angle: float) -> None:
+    text = AT_REST.replace('velocity = { name = "n", unit = "rpm" }', 'position = { name = "phi", unit = "deg" }')
+    assert "phi" in text
+    folder = records(tmp_path / "a", offset, 3)
+    rest(folder / "rest_1.csv", 1)
+    rows = (folder / "rest_1.csv").read_text().splitlines()
+    still = [f"{a},{b},{angle},{d}" for a, b, _, d in (row.split(",") for row in rows[1:])]
+    (folder / "rest_1.csv").write_text("\n".join([rows[0], *still]) + "\n")
+    assert case_of(read_machine(written(tmp_path, text)), folder).tares["force"] == pytest.approx(ZERO, abs=1e-4)
+
+
+def test_a_small_mean_of_a_speed_channel_is_told(tmp_path: Path) -> None:
+    folder = records(tmp_path / "a", offset, 3)
+    rest(folder / "rest_1.csv", 1, rpm=0.005)
+    case = case_of(read_machine(written(tmp_path, AT_REST)), folder)
+    (warning,) = [finding for finding in case.findings if finding.severity == "warning"]
+    assert "in the mean" in warning.message
+    assert "friction" in warning.do
+
+
+@pytest.mark.parametrize("step", [0.01, 0.0])
+def test_a_zero_that_is_not_resolved_is_no_certain_one(tmp_path: Path, step: float) -> None:
+    """Torque in steps of 10 mN m of which one sample shows another; and one that is the same throughout."""
+    folder = records(tmp_path / "a", offset, 3)
+    rest(folder / "rest_1.csv", 1)
+    rows = (folder / "rest_1.csv").read_text().splitlines()
+    flat = [
+        f"{a},{b},{c},{1e3 * (0.01 + step * (k == 40)):.3f}"
+        for k, (a, b, c, _) in enumerate(r.split(",") for r in rows[1:])
+    ]
+    (folder / "rest_1.csv").write_text("\n".join([rows[0], *flat]) + "\n")
+    file = written(tmp_path, AT_REST)
+    if not step:
+        with pytest.raises(RecordingError, match="throughout"):
+            case_of(read_machine(file), folder)
+        return
+    found = diagnosed(file, folder)
+    assert found.verdict is Verdict.AMBIGUOUS
+    assert found.case.known[0].error == pytest.approx(step / math.sqrt(12.0), rel=0.05)
+
+
 @pytest.mark.parametrize(("rpm", "noise"), [(0.015, 0.05), (0.0, 0.0)])
 def test_a_creep_is_no_rest_and_a_speed_of_nothing_is_one(tmp_path: Path, rpm: float, noise: float) -> None:
     folder = records(tmp_path / "a", offset, 3)
@@ -162,7 +205,9 @@ def test_a_creep_is_no_rest_and_a_speed_of_nothing_is_one(tmp_path: Path, rpm: f
         with pytest.raises(RecordingError, match="creeps"):
             case_of(read_machine(written(tmp_path, AT_REST)), folder)
         return
-    assert case_of(read_machine(written(tmp_path, AT_REST)), folder).tares["force"] == pytest.approx(ZERO, abs=1e-4)
+    case = case_of(read_machine(written(tmp_path, AT_REST)), folder)
+    assert case.tares["force"] == pytest.approx(ZERO, abs=1e-4)
+    assert not [finding for finding in case.findings if finding.severity == "warning"]
     read, _ = read_recordings(case_of(read_machine(written(tmp_path, MACHINE)), folder))
     assert read.names == ("fit.csv",)
 

@@ -92,7 +92,7 @@ class MotionSheet:
 
 
 def diagnosed_again(store: Path, campaign: str) -> MotionDiagnosis:
-    """The diagnosis of the runs in motion of a campaign, as `pmg compare` makes it."""
+    """The diagnosis of the runs in motion of a campaign, as `pmg compare` makes it without a given model."""
     return diagnose_motion(
         campaign, moving_runs(Store(store), campaign), bench_of_store(store), np.random.default_rng(SEED)
     )

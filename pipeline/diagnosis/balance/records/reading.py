@@ -23,7 +23,7 @@ from pmg.pipeline.diagnosis.balance.records.recorded import REST, joined, with_k
 from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
 from pmg.pipeline.diagnosis.balance.records.standing import stands
 from pmg.pipeline.diagnosis.balance.records.two_shafts import second_shaft
-from pmg.pipeline.recording.findings import Code, Findings
+from pmg.pipeline.recording.findings import Code, Finding, Findings
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.pipeline.importers.clocks.clock import EvenStretch
-    from pmg.pipeline.recording.findings import Finding
     from pmg.sim.signals import Array
 
 COASTS = 0.1
@@ -159,20 +158,22 @@ def _read(path: Path, case: Case) -> list[_Read]:
         findings.info(Code.SAMPLES_GAP, "time", message, "Nothing to do, or record without pauses.")
     name = case.label(path)
     begun = clock.stretches[0].start
-    found, still = list[tuple[str, Motion]](), list[_StandsError]()
+    found, still, told = list[tuple[str, Motion]](), list[_StandsError](), list[Finding]()
     for k, stretch in enumerate(whole, 1):
+        own = Findings(path.name)  # what is said of a stretch that stands is of noise
         try:
-            motion = _moved(path, stretch, begun, smoother, case, findings)
+            motion = _moved(path, stretch, begun, smoother, case, own)
         except _StandsError as fault:
             still.append(fault)
             message = f"the machine stands in the {len(stretch.time)} samples from {stretch.start:g} s: left out"
             findings.info(Code.SAMPLES_GAP, "time", message, "Nothing to do.")
         else:
             found.append((name if len(whole) == 1 else f"{name} ({k})", motion))
+            told += [each for each in own.listed() if str(each) not in map(str, told)]
     if not found:
         raise still[0]
-    told = findings.listed()
-    return [_Read(called, motion, told if k == 0 else ()) for k, (called, motion) in enumerate(found)]
+    said = (*findings.listed(), *told)
+    return [_Read(called, motion, said if k == 0 else ()) for k, (called, motion) in enumerate(found)]
 
 
 def _tell_band(case: Case, rate_hz: float, findings: Findings) -> None:

@@ -71,11 +71,15 @@ class Smoother:
         if velocity is not None:
             speed = self.smooth(velocity)
             noise = self._noise(velocity - speed, self._weights)
-            path = cumulative_trapezoid(speed, dx=self.step, initial=0) if position is None else self.smooth(position)
+            path = cumulative_trapezoid(speed, dx=self.step, initial=0) if position is None else self._path(position)
             return np.asarray(path), speed, noise
         assert position is not None  # a case has one of them
-        path = self.smooth(position)
+        path = self._path(position)
         return path, self.slope(path), self._noise(position - path, self.slope(self._weights))
+
+    def _path(self, position: Array) -> Array:
+        """The low-pass of a position (n,), from where it begins: one that stands leaves nothing to round."""
+        return np.asarray(position[0] + self.smooth(position - position[0]))
 
     def noise_in(self, acceleration: Array, deviation: float, *, of_position: bool) -> Array:
         r"""What may be noise in an acceleration (n,), as a filter after Wiener takes it out.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,14 +32,17 @@ def stands(speed: Array, rest_speed: float) -> bool:
     return bool(size.max() <= WIDEST * rest_speed and np.mean(size > rest_speed) <= RARELY)
 
 
-STEADY_PARTS, PLAIN_CREEP = 20, 4.0
+STEADY_PARTS, PLAIN_CREEP = (5, 10, 20), 4.0
 """Stretches of a speed whose means tell whether it creeps, and how many standard errors the mean of all lies off."""
 
 
-def creeps(speed: Array) -> bool:
-    """Whether a speed (n,) that may be noise has a mean that is none."""
-    means = np.array([part.mean() for part in np.array_split(speed, STEADY_PARTS)])
-    return bool(abs(means.mean()) > PLAIN_CREEP * means.std(ddof=1) / np.sqrt(STEADY_PARTS))
+def mean_speed(speed: Array) -> tuple[float, float]:
+    """Mean of a speed (n,) that may be noise, and its standard error: the largest by stretches of several lengths."""
+    errors = []
+    for count in STEADY_PARTS:
+        means = np.array([part.mean() for part in np.array_split(speed, count)])
+        errors.append(float(means.std(ddof=1)) / math.sqrt(count))
+    return float(speed.mean()), max(errors)
 
 
 def moves(motion: Motion, spoilt: int) -> Mask:

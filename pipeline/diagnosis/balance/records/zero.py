@@ -15,7 +15,7 @@ from pmg.pipeline.diagnosis.balance.known_terms import SetTerm
 from pmg.pipeline.diagnosis.balance.records.clock_of import clocks_apart
 from pmg.pipeline.diagnosis.balance.records.recorded import REST
 from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
-from pmg.pipeline.diagnosis.balance.records.standing import creeps, stands
+from pmg.pipeline.diagnosis.balance.records.standing import CREEPS, PLAIN_CREEP, mean_speed, stands
 from pmg.pipeline.recording.findings import Code, Findings
 from pmg.sim.errors import RecordingError
 
@@ -68,32 +68,43 @@ def with_zero(case: Case, file: TableFile[Any]) -> Case:
     """
     _check(case, file)
     findings: list[Finding] = []
-    means: dict[str, list[float]] = {kind: [] for kind in FORCES if kind in case.channels}
-    variances: dict[str, list[float]] = {kind: [] for kind in means}
+    kinds = [kind for kind in FORCES if kind in case.channels]
+    shares = np.array([1.0, 1.0 / (case.ratio or 1.0)][: len(kinds)])
+    read = []
     for path in case.zero:
         values, told = _at_rest(path, case)
         findings += told
-        for kind in means:
-            parts = [float(part.mean()) for part in np.array_split(values[kind], PARTS)]
-            means[kind].append(float(values[kind].mean()))
-            variances[kind].append(float(np.var(parts, ddof=1)) / PARTS)
-    tares = {kind: float(np.mean(each)) for kind, each in means.items()}
-    errors = {kind: _error(means[kind], variances[kind]) for kind in means}
+        read.append([_mean(path, values[kind]) for kind in kinds])
+    means, variances = np.moveaxis(np.array(read), 2, 0)  # (recordings, kinds) each
+    tares = dict(zip(kinds, means.mean(axis=0).tolist(), strict=True))
+    errors = {kind: _error(means[:, k], variances[:, k]) for k, kind in enumerate(kinds)}
     names = Findings(", ".join(path.name for path in case.zero))
     for kind, tare in tares.items():
         shown = f"{tare:.4g} ± {errors[kind]:.2g} {case.axis.push}"
         channel, _ = case.channels[kind]
         names.info(Code.CHANNEL_VALUE, channel.name, f"at rest: the zero, {shown}, is taken out", "Nothing to do.")
     (term,) = (term for term in case.library if term.key == ZERO)
-    error = math.hypot(errors["force"], errors.get(f"{OUTPUT}force", 0.0) / (case.ratio or 1.0))
-    known = (*case.known, SetTerm(term, np.zeros(1), error=error))
+    known = (*case.known, SetTerm(term, np.zeros(1), error=_error(means @ shares, variances @ shares**2)))
     return replace(case, known=known, tares=tares, findings=(*findings, *names.listed()))
 
 
-def _error(means: list[float], variances: list[float]) -> float:
-    """Standard error of a mean of means, each with its variance."""
+def _mean(path: Path, values: Array) -> tuple[float, float]:
+    """Mean of a channel at rest (n,), and its variance: by stretches of it, at least that of its resolution."""
+    steps = np.abs(np.diff(values))
+    if not steps.any():
+        came, do = f"{float(values[0]):.4g} throughout", "The zero is not resolved: leave the recording out of zero."
+        raise RecordingError(str(path), came, "a force or torque with its noise", do)
+    parts = [float(part.mean()) for part in np.array_split(values, PARTS)]
+    spread = float(np.var(values))
+    resolution = float(steps[steps > 0.0].min())
+    unresolved = resolution**2 / 12.0 if spread < resolution**2 else 0.0
+    return float(values.mean()), max(float(np.var(parts, ddof=1)) / PARTS, unresolved)
+
+
+def _error(means: Array, variances: Array) -> float:
+    """Standard error of a mean of means (n,), each with its variance."""
     count = len(means)
-    within = sum(variances) / count**2
+    within = float(variances.sum()) / count**2
     if count < 2:
         return math.sqrt(within)
     wider = float(stats.t.ppf(0.975, count - 1)) / T_95
@@ -127,29 +138,40 @@ def _at_rest(path: Path, case: Case) -> tuple[Mapping[str, Array], tuple[Finding
             came = f"{max(len(stretch.time) for stretch in clock.stretches)} samples in a row"
             raise RecordingError(str(path), came, f"{fewest} or more", "Record longer.")
         for stretch in (each for each in clock.stretches if len(each.time) >= fewest):
-            for speed, deviation in _speeds(stretch.channels, smoother):
-                _check_rest(path, speed, REST * deviation, case)
+            for speed, deviation, of_position in _speeds(stretch.channels, smoother):
+                _check_rest(path, speed, REST * deviation, case, None if of_position else findings)
             for kind in FORCES:
                 if kind in stretch.channels:
                     found.setdefault(kind, []).append(stretch.channels[kind])
     return {kind: np.concatenate(each) for kind, each in found.items()}, findings.listed()
 
 
-def _speeds(values: Mapping[str, Array], smoother: Smoother) -> Iterator[tuple[Array, float]]:
-    """Speed of each shaft that is seen (n,), without the ends that filters spoil, and the deviation of its noise."""
+def _speeds(values: Mapping[str, Array], smoother: Smoother) -> Iterator[tuple[Array, float, bool]]:
+    """Speed of each shaft that is seen (n,), without the ends that filters spoil, the deviation of its noise.
+
+    And whether it is made of a position, so that it is off by nothing.
+    """
     for end in ("", OUTPUT):
         position, velocity = values.get(f"{end}position"), values.get(f"{end}velocity")
         if position is not None or velocity is not None:
-            _, speed, noise = smoother.moved(position, velocity)
-            yield speed[smoother.settles : -smoother.settles], noise[0]
+            _, speed, noise = smoother.moved(position, velocity if position is None else None)
+            yield speed[smoother.settles : -smoother.settles], noise[0], position is not None
 
 
-def _check_rest(path: Path, speed: Array, rest_speed: float, case: Case) -> None:
-    """Refuse a recording in which a shaft moves: its friction would be taken for a zero."""
+def _check_rest(path: Path, speed: Array, rest_speed: float, case: Case, findings: Findings | None) -> None:
+    """Refuse a recording in which a shaft moves: its friction would be taken for a zero.
+
+    A small mean of a recorded speed may be an offset of its channel: that is told (with `findings`).
+    """
     if not stands(speed, rest_speed):
         came, do = "a machine that moves", "Leave it out of zero, or record it with the drive off."
         raise RecordingError(str(path), came, "one at rest", do)
-    if creeps(speed):
-        came = f"a machine that creeps, at {float(speed.mean()):.2g} {case.axis.speed} in the mean"
-        do = "Leave it out of zero: its friction would be taken for one. Of a speed channel that is off, correct it."
-        raise RecordingError(str(path), came, "one at rest", do)
+    mean, error = mean_speed(speed)
+    if abs(mean) <= PLAIN_CREEP * error:
+        return
+    shown = f"{mean:.2g} ± {error:.1g} {case.axis.speed} in the mean"
+    if findings is None or abs(mean) > CREEPS * rest_speed:
+        do = "Leave it out of zero: its friction would be taken for one."
+        raise RecordingError(str(path), f"a machine that creeps, at {shown}", "one at rest", do)
+    do = "If it crept, leave it out of zero: its friction is in that. If the speed channel is off, nothing."
+    findings.warning(Code.CHANNEL_VALUE, "speed", f"at rest: {shown}", do)
