@@ -40,7 +40,7 @@ BACK = ProposedRun("back", Manoeuvre.RAMP, 30.0, Reference("sun", "speed", (0.0,
 
 
 def _sheet(*runs: ProposedRun) -> MotionSheet:
-    rows = tuple(SheetRun(0, float(k), run, 1, {"sun": 4.3e-3}) for k, run in enumerate(runs))
+    rows = tuple(SheetRun(float(k), run, 1, {"sun": 4.3e-3}) for k, run in enumerate(runs))
     return MotionSheet("<spring>", (("A test", "Tells one from another."),), rows)
 
 

@@ -47,8 +47,6 @@ class SheetRun:
 
     Parameters
     ----------
-    part : int
-        Which of the tests it belongs to, from 0.
     after : float
         When it begins after the first one [min].
     run : ProposedRun
@@ -60,7 +58,6 @@ class SheetRun:
         [N m]; empty where there is no rival.
     """
 
-    part: int
     after: float
     run: ProposedRun
     gear: int
@@ -102,11 +99,11 @@ def motion_sheet(diagnosis: MotionDiagnosis) -> MotionSheet:
     """The runs that a diagnosis asks for, each test once; none where it asks for none."""
     tests, rows, after = [], [], 0.0
     gear = diagnosis.before.stretches[0].run.run.gear
-    for part, test in enumerate(merged(diagnosis.next_runs)):
+    for test in merged(diagnosis.next_runs):
         tests.append((test.title, f"{_question(diagnosis, test)} Power {test.power:.0%}."))
         apart = {run: _apart(diagnosis, test, run) for run in dict.fromkeys(test.runs)}
         for run in test.runs:
-            rows.append(SheetRun(part, after / MINUTE, run, gear, apart[run]))
+            rows.append(SheetRun(after / MINUTE, run, gear, apart[run]))
             after += run.seconds + CHANGE_S
     return MotionSheet(diagnosis.campaign, tuple(tests), tuple(rows))
 
@@ -162,7 +159,7 @@ def _course(reference: Reference | None, side: str, quantity: str, time: Array) 
 
 def motion_page(sheet: MotionSheet) -> str:
     """The sheet as a page to print: it loads nothing and holds no script."""
-    tests = "".join(f"<li><b>{as_html(title)}</b>: {as_html(told)}</li>" for title, told in sheet.tests)
+    tests = "".join(f"<li><b>{as_html(title)}</b>: {as_html(question)}</li>" for title, question in sheet.tests)
     rows = "".join(_row(place, row) for place, row in enumerate(sheet.runs, 1))
     body = f"""
 <h1>Next runs of {as_html(sheet.campaign)}</h1>

@@ -101,9 +101,9 @@ def _next_runs(store: Path, campaign: str, out: Path) -> Outcome:
         "minutes": sheet.minutes,
         "runs": len(sheet.runs),
     }
-    told = (f"{title}: {words}" for title, words in sheet.tests)
+    questions = (f"{title}: {question}" for title, question in sheet.tests)
     head = f"{counted(len(sheet.runs), 'run')}, {sheet.minutes:.0f} min"
-    return Outcome(data, (f"{words}.", *told, head, *map(str, files)))
+    return Outcome(data, (f"{words}.", *questions, head, *map(str, files)))
 
 
 @dataclass(frozen=True)

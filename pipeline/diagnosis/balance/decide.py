@@ -145,8 +145,6 @@ def diagnose_terms(
     hangs = verdict is Verdict.NAMED and not impossible and _none_names(named, low_passes, s.mismatch.false_alarm_rate)
     if impossible or hangs:
         verdict = Verdict.NOT_IN_LIBRARY
-    if found is not None and hangs:
-        found = replace(found, against="neither half the low-pass nor twice names it")
     last = settled(s.problem, (refinements or steps)[-1].fitted.fits)
     return TermsDiagnosis(
         verdict=verdict,
@@ -182,7 +180,7 @@ def _further_decoys(
 
 
 def _decoys(s: Searched, found: TermNaming, recorded: Recorded, rng: np.random.Generator) -> Decoys | None:
-    """Terms of a phase that is random, offered beside the library."""
+    """Waves of random phase, without a meaning, offered beside the library."""
     return offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, s.noise.noise, rng))
 
 
@@ -193,9 +191,9 @@ def _none_names(named: tuple[TermFit, ...], low_passes: tuple[LowPassTried, ...]
 
 
 def _twins_told(problem: TermProblem, case: Case, sets: tuple[tuple[TermFit, ...], ...]) -> tuple[Twins, ...]:
-    """Terms that look alike; a zero that recordings at rest show stands for none, unless it is among what is told."""
-    told = {fit.identifier for fits in sets for fit in fits}
-    return tuple(each for each in find_twins(problem) if not case.zero or ZERO not in each.ids or ZERO in told)
+    """Terms with the same column; the zero is left out where recordings at rest show it and no set names it."""
+    in_sets = {fit.identifier for fits in sets for fit in fits}
+    return tuple(each for each in find_twins(problem) if not case.zero or ZERO not in each.ids or ZERO in in_sets)
 
 
 def with_free_runs(d: TermsDiagnosis) -> TermsDiagnosis:

@@ -50,7 +50,7 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
     term does.
     """
     channels, coasts = recorded.motion.besides, recorded.coasts
-    unsure = {each.term.key: OPEN_ERRORS * each.error for each in case.known} if case.zero else {}
+    unsure = {each.term.key: OPEN_ERRORS * each.error for each in case.known if each.error > 0.0}
     ways = recorded.motion.direction
     one_way = not (ways > 0.0).any() or not (ways < 0.0).any()
     known = {key: (value,) for key, value in case.fixed.items()}
@@ -63,7 +63,7 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
             continue
         if not set(term.needs) <= set(channels) or (case.own_zeros and term.identifier == ZERO):
             continue
-        if (most := unsure.get(term.key)) is not None and term.identifier == ZERO:
+        if (most := unsure.get(term.key)) is not None:
             (size,) = term.amplitudes
             term = replace(term, amplitudes=(replace(size, bounds=(-most, most)),))
         if term.of_angle and RECORDING in channels:

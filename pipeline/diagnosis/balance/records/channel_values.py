@@ -88,7 +88,7 @@ def channels_in_si(
         raise RecordingError(str(path), f"channels of several lengths ({came})", "one length", "Export them together.")
     moving = [float(np.ptp(each)) > 0.0 for kind, each in values.items() if kind.endswith("position")]
     moving += [bool(each.any()) for kind, each in values.items() if kind.endswith("velocity")]
-    at_rest = bool(moving) and not any(moving)  # the whole machine stands: that is told later
+    at_rest = bool(moving) and not any(moving)  # the whole machine stands, which `stands` judges
     for kind, value in values.items():
         if kind == "time":
             continue

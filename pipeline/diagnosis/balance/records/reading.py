@@ -169,7 +169,7 @@ def _read(path: Path, case: Case) -> list[_Read]:
             findings.info(Code.SAMPLES_GAP, "time", message, "Nothing to do.")
         else:
             found.append((name if len(whole) == 1 else f"{name} ({k})", motion))
-            told += [each for each in own.listed() if str(each) not in map(str, told)]
+            told += [each for each in own.listed() if each not in told]
     if not found:
         raise still[0]
     said = (*findings.listed(), *told)
