@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.optimize import brentq
 from scipy.signal import csd, fftconvolve, welch
 
 from pmg.sim.signals import REVOLUTION
@@ -24,15 +26,15 @@ OFFSETS = (0.25, 0.75)
 HARMONICS = np.arange(1, 9)
 """Waves of the steps of a count that are taken."""
 
-ROUNDS = 4
-"""Times that jitter and steps are told apart."""
+STILL = 0.6
+"""Waves of the band, in counts, up to which they are taken for what steps make; these have 0.3 and less."""
 
 LEAST = 0.05
 """Least part of the noise of even steps that is taken."""
 
 
 def angle_density(
-    angle: Array, count: float, rate: float, filters: tuple[Array, Array], above: Callable[[Array, float], Mask]
+    angle: Array, count: float, rate: float, filters: tuple[Array, Array, Array], above: Callable[[Array, float], Mask]
 ) -> float:
     r"""Spectral density of an angle's noise in a band [rad2/Hz], one-sided.
 
@@ -45,7 +47,7 @@ def angle_density(
     rate : float
         Samples a second [1/s].
     filters : tuple of (w,) array
-        Weights of the band, and of the second derivative in it.
+        Weights of the band, of the second derivative in it, and of a part of it that hardly moves within one count.
     above : callable
         Which frequencies [Hz] of a record of that rate are well above the band.
 
@@ -53,30 +55,51 @@ def angle_density(
     -----
     An encoder shows whole counts c. What they are off has the variance :math:`c^2/12`, and is white while the speed
     changes; at a speed that is held it is a line, :math:`|\omega/c - k f_s|/2\pi` off zero, that lies in the band or
-    does not. The smooth angle is counted again to see how much of it does. Jitter of size s between samples spreads
-    the k-th wave of the steps: :math:`e^{-(2\pi k s/c)^2}` of its power is left; how large jitter is shows above the
-    band, where all beyond the steps is taken for it.
+    does not. A smooth angle is counted again to see how much of it does: one without the waves of the band where these
+    are no larger than what steps make of themselves, as steps that are there already would count as none again. Jitter
+    of size s between samples spreads the k-th wave of the steps: :math:`e^{-(2\pi k s/c)^2}` of its power is left; how
+    large jitter is shows above the band, where all beyond the steps is taken for it.
 
     References
     ----------
     B. Widrow, I. Kollár, 'Quantization Noise', Cambridge University Press (2008), chapters 4 and 17.
     """
-    low, curved = filters
+    low, curved, calm = filters
     smooth = fftconvolve(angle, low, "valid")
     moving = np.flatnonzero(np.abs(np.gradient(smooth)) * rate > CREEPING)
     if len(moving) and moving[-1] - moving[0] > 2 * len(curved):
         angle, smooth = (part[moving[0] : moving[-1] + 1] for part in (angle[len(low) // 2 :], smooth))
+    smooth = _without_small_waves(smooth, STILL * count, calm)
     again = [np.floor(smooth / count + offset) * count for offset in OFFSETS]
     even = count**2 / 6.0 / rate
     power = [float(np.mean(fftconvolve(shown - smooth, curved, "valid") ** 2)) for shown in again]
     inside = max(float(np.mean(power)) / (0.5 * rate * float(curved @ curved)), LEAST * even)
     outside = float(np.mean([_above_band(shown, rate, above) for shown in again]))
-    seen, jitter = _above_band(angle, rate, above), 0.0
-    kept = 1.0
-    for _ in range(ROUNDS):
-        jitter = max(seen - kept * outside - (1.0 - kept) * even, 0.0)
+    seen = _above_band(angle, rate, above)
+
+    def beside(jitter: float, of_steps: float) -> float:
         kept = _kept(jitter * 0.5 * rate, count)
-    return kept * inside + (1.0 - kept) * even + jitter
+        return kept * of_steps + (1.0 - kept) * even + jitter
+
+    jitter = float(brentq(lambda size: beside(size, outside) - seen, 0.0, seen)) if outside < seen else 0.0
+    return beside(jitter, inside)
+
+
+def _without_small_waves(smooth: Array, size: float, calm: Array) -> Array:
+    """A smooth angle (n,), low-passed further wherever the waves that this takes out are smaller than some size [rad].
+
+    The filter is used twice, on what it leaves as well, so that it lets a course of the third degree in time through.
+    """
+    half, width = len(calm) // 2, len(calm)
+
+    def passed(values: Array) -> Array:
+        return np.asarray(fftconvolve(np.pad(values, half, mode="reflect", reflect_type="odd"), calm, "valid"))
+
+    once = passed(smooth)
+    slow = once + passed(smooth - once)
+    waves = smooth - slow
+    around = uniform_filter1d(waves**2, width) - uniform_filter1d(waves, width) ** 2
+    return np.where(around > size**2, smooth, slow)
 
 
 def _kept(variance: float, count: float) -> float:
@@ -101,10 +124,10 @@ def _above_band(angle: Array, rate: float, above: Callable[[Array, float], Mask]
     step = np.diff(angle)
     frequency, density = welch(step, rate, nperseg=min(round(rate), len(step)))
     at = above(frequency, rate)
-    return middle_density(density[at] / (4.0 * np.sin(np.pi * frequency[at] / rate) ** 2), len(step) / rate)
+    return _middle_density(density[at] / (4.0 * np.sin(np.pi * frequency[at] / rate) ** 2), len(step) / rate)
 
 
-def middle_density(density: Array, seconds: float) -> float:
+def _middle_density(density: Array, seconds: float) -> float:
     r"""Mean of a white density that Welch's method gives, by its median, which lines do not lift.
 
     Notes

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import fftconvolve, firwin, welch
 
-from pmg.pipeline.motion.angle_noise import angle_density, common_density, middle_density
+from pmg.pipeline.motion.angle_noise import angle_density, common_density
 from pmg.sim.shafts import PerShaft, per_shaft
 from pmg.sim.signals import REVOLUTION
 
@@ -30,6 +30,12 @@ BAND, HALF = 28.0, 0.12
 
 STENCIL = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0
 """Weights of the central difference of the sixth order."""
+
+PIECE = 0.25
+"""Length of the pieces of a record of which the noise of its torque is told [s]."""
+
+CALM, CALM_HALF = 4.0, 0.3
+"""Cut-off of the low-pass of an angle that is counted again for the noise of its steps [Hz], half its length [s]."""
 
 PER_ROW = 3
 """Fine samples for each row."""
@@ -166,7 +172,7 @@ def smooth(run: MovingRun) -> SmoothRun:
     half = len(weights) // 2
     time = np.arange(half, len(run.torque.sun) - half, step) / run.rate
 
-    of_rows = _of_rows(run.rate)
+    filters = (*_of_rows(run.rate), _low_pass(CALM, CALM_HALF, run.rate))
 
     def through(values: Array) -> Array:
         return np.asarray(fftconvolve(values, weights, "valid")[::step])
@@ -183,7 +189,7 @@ def smooth(run: MovingRun) -> SmoothRun:
             speed=through(speed),
             acceleration=through(derivative(speed, run.rate)),
             density=_white_density(torque, run.rate),
-            angle_density=angle_density(angle, run.count[side], run.rate, of_rows, _above),
+            angle_density=angle_density(angle, run.count[side], run.rate, filters, _above),
         )
 
     shafts = per_shaft(shaft)
@@ -251,9 +257,12 @@ def _bridged(values: Array) -> Array:
 
 
 def _white_density(torque: Array, rate: float) -> float:
-    """Spectral density of a torque's noise well above the band [(N m)2/Hz], one-sided."""
-    frequency, density = welch(torque, rate, nperseg=min(round(rate), len(torque)))
-    return middle_density(density[_above(frequency, rate)], len(torque) / rate)
+    """Spectral density of a torque's noise well above the band [(N m)2/Hz], one-sided.
+
+    It is that of most pieces of the record, as a load that changes at once has power at every frequency for a moment.
+    """
+    frequency, density = welch(torque, rate, nperseg=min(round(PIECE * rate), len(torque)), average="median")
+    return float(np.median(density[_above(frequency, rate)]))
 
 
 def _above(frequency: Array, rate: float) -> Mask:

@@ -1,0 +1,83 @@
+"""Noise of torques and angles, as a record tells it, against that which was put into the record."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from scipy.signal import fftconvolve, lfilter
+
+from pmg.pipeline.motion.run import MovingRun
+from pmg.pipeline.motion.smooth import row_weights, smooth
+from pmg.pipeline.recording.run_records import Manoeuvre
+from pmg.sim.grid import Configuration
+from pmg.sim.shafts import PerShaft
+from pmg.sim.signals import Array
+
+RATE = 1000.0
+COUNT = 2.0 * np.pi / 5120
+WHITE = 0.02
+
+
+def _run(torque: Array, angle: Array) -> MovingRun:
+    """A run whose sun reads these and whose ring stands."""
+    still = np.zeros(len(angle))
+    begin = datetime(2025, 6, 3, 8, tzinfo=UTC)
+    neutral, turns = Configuration.NEUTRAL, PerShaft(sun=True, ring=False)
+    signals = PerShaft(torque, still), PerShaft(angle, still), PerShaft(COUNT, COUNT)
+    return MovingRun("1.mcap", "N_1", neutral, 1, "sun", Manoeuvre.RAMP, begin, RATE, *signals, turns, ())
+
+
+def _seconds(length: float) -> Array:
+    return np.arange(round(length * RATE)) / RATE
+
+
+def _densities(true: Array, jitter: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Density that is told of the noise of an angle [rad2/Hz], and that of the noise in the band of the rows."""
+    read = COUNT * np.floor((true + jitter * rng.standard_normal(len(true))) / COUNT)
+    found = smooth(_run(WHITE * rng.standard_normal(len(true)), read))
+    curved = row_weights(found)[1]
+    seen = np.mean(fftconvolve(read - true + 0.5 * COUNT, curved, "valid") ** 2) / (0.5 * RATE * float(curved @ curved))
+    return found.shafts.sun.angle_density, float(seen)
+
+
+def _slow(rng: np.random.Generator, speed: float) -> Array:
+    """A speed that drifts by so little that the steps of the encoder stay about the band for long."""
+    drift = lfilter([1.0], [1.0, -np.exp(-1.0 / RATE / 3.0)], rng.standard_normal(20000))
+    return speed + 6.0 * COUNT * drift / np.std(drift)
+
+
+def test_steps_that_fold_into_the_band_are_told_as_large_as_they_are() -> None:
+    rng, told, seen = np.random.default_rng(7), 0.0, 0.0
+    for number in range(24):
+        speed = (number + 2) * RATE * COUNT + rng.uniform(-20.0, 20.0) * COUNT
+        of_run = _densities(np.cumsum(_slow(rng, speed)) / RATE, 0.0, rng)
+        told, seen = told + of_run[0], seen + of_run[1]
+    assert 0.93 < told / seen < 1.07  # a smooth angle that holds the steps in the band told a third of them
+
+
+def test_steps_of_a_ramp_from_standstill_are_told_as_large_as_they_are() -> None:
+    rng, told, seen = np.random.default_rng(8), 0.0, 0.0
+    for fastest in np.linspace(20.0, 60.0, 16):
+        time = _seconds(26.0)
+        speed = fastest * np.clip(np.minimum(time, 26.0 - time) / 10.0, 0.0, 1.0)
+        of_run = _densities(np.cumsum(speed) / RATE, 0.0, rng)
+        told, seen = told + of_run[0], seen + of_run[1]
+    assert 0.93 < told / seen < 1.07
+
+
+@pytest.mark.parametrize("jitter", [0.05, 0.09, 0.15])
+def test_jitter_that_spreads_the_steps_of_a_held_speed_is_told(jitter: float) -> None:
+    rng = np.random.default_rng(9)
+    speed = np.full(25000, (50.0 * RATE + 200.0) * COUNT)
+    told, seen = _densities(np.cumsum(speed) / RATE, jitter * COUNT, rng)
+    assert 0.7 < told / seen < 1.4
+
+
+def test_a_load_that_changes_at_once_is_no_noise_of_the_torque() -> None:
+    rng, time = np.random.default_rng(10), _seconds(25.0)
+    load = lfilter([0.06], [1.0, -0.94], np.where(np.mod(time, 4.0) < 2.0, 0.5, 5.0))
+    read = load + WHITE * rng.standard_normal(len(time))
+    told = smooth(_run(read, 30.0 * time)).shafts.sun.density
+    assert told == pytest.approx(2.0 * WHITE**2 / RATE, rel=0.05)
