@@ -101,7 +101,7 @@ def analyse(given: Given) -> Outcome:
 @app.command()
 @command(
     "compare",
-    options_of(CampaignOptions, "store report note model machine config"),
+    options_of(CampaignOptions, "store report campaign note model machine config"),
     example="compare --store store --report report",
 )
 def compare(given: Given, progress: Progress | None = None) -> Outcome:

@@ -9,7 +9,7 @@ import typer
 
 from pmg.pipeline.cli import checks
 from pmg.pipeline.cli.frame import command
-from pmg.pipeline.cli.options import MachineOption, ModelOption
+from pmg.pipeline.cli.options import CampaignOption, MachineOption, ModelOption
 from pmg.pipeline.cli.progress_line import say
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.files.progress import Progress
@@ -77,8 +77,10 @@ def next_test(
         typer.Option("--out", help="Write next.html, a sheet to print and tick, and next.csv to this folder."),
         checks.FOLDER_OUT,
     ],
+    campaign: CampaignOption = None,
+    model: ModelOption = None,
 ) -> Outcome:
     """Write the next test as a sheet for the bench. Each point has the torque to expect under every open cause."""
     from pmg.pipeline.commands.at_bench.next_sheet import run_next
 
-    return run_next(store, out)
+    return run_next(store, out, campaign, model)

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.analysis.outputs import analysed_campaign, read_analysis, unproven_analysis
+from pmg.pipeline.analysis.outputs import read_analysis, unproven_analysis
 from pmg.pipeline.analysis.tolerance import Tolerance
 from pmg.pipeline.chapters.measured.sensor_fault import sensor_fault_warning
 from pmg.pipeline.chapters.page import RecordedFacts, build_report
 from pmg.pipeline.commands.analyse import analysis_findings, run_analyse
+from pmg.pipeline.commands.campaign_asked import asked_in_motion
 from pmg.pipeline.commands.compare_and_diagnose import (
     DIAGNOSIS,
     SEED,
@@ -26,7 +27,6 @@ from pmg.pipeline.commands.config import check_choices
 from pmg.pipeline.commands.ingest import ingest_chosen
 from pmg.pipeline.commands.motion import (
     MixedDiagnosis,
-    campaign_in_motion,
     compare_motion,
     diagnose_mixed,
     remove_motion_report,
@@ -155,8 +155,7 @@ def compare_chosen(chosen: Chosen, campaign: str | None = None, progress: Progre
     """
     store, note = chosen.needed("store"), chosen.text("note") or ""
     bench_in_force(store, chosen.text("machine"))  # another machine than that of the store is refused
-    asked = campaign or chosen.text("campaign") or analysed_campaign(store)
-    moving = campaign_in_motion(store, asked) if chosen.path("grids") is None else None
+    moving = asked_in_motion(store, campaign or chosen.text("campaign")) if chosen.path("grids") is None else None
     report, model, tolerances = chosen.needed("report"), chosen.path("model"), chosen.tolerance
     with keeping_workers(chosen.workers):
         if moving is not None:

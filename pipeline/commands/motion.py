@@ -22,12 +22,12 @@ from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.files.json_values import read_json
-from pmg.pipeline.grid.campaign import campaigns, choose_campaign
+from pmg.pipeline.grid.campaign import choose_campaign
 from pmg.pipeline.model.apply_motion_model import apply_motion_model
 from pmg.pipeline.model.model_file import FILE
 from pmg.pipeline.model.motion_model import NO_MODEL, leave_motion_model, motion_model_of
 from pmg.pipeline.model.read_motion_model import read_motion_model
-from pmg.pipeline.motion.stored import judged_runs, moving_runs, only_in_motion
+from pmg.pipeline.motion.stored import judged_runs, moving_runs
 from pmg.pipeline.preflight.motion import motion_summary
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.action_sheet import SheetAnswer
@@ -45,7 +45,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.commands.provenance import Clock
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
     from pmg.pipeline.files.progress import Progress
+    from pmg.pipeline.model.apply_motion_model import MotionPrediction
     from pmg.pipeline.model.compared_campaign import ComparedCampaign
+    from pmg.pipeline.model.motion_model import MotionModel
+    from pmg.pipeline.motion.run import MovingRun
     from pmg.pipeline.report.action_sheet import ActionSheet
     from pmg.sim.grid import Grid
 
@@ -54,16 +57,6 @@ FOLDER = "motion"
 """Folder of the report on the runs in motion, in that of the campaign."""
 
 WHERE = f"The runs in motion have a page of their own: {FOLDER}/report.html."
-
-
-def campaign_in_motion(store: Path, campaign: str | None) -> str | None:
-    """Name of the campaign asked for, or of the only one, where it has no steady grid; None for any other."""
-    if not (store / MARK).is_file():
-        return None
-    manifests = Store(store).manifests()
-    known = campaigns(manifests)
-    name = known[0] if campaign is None and len(known) == 1 else campaign
-    return name if name and only_in_motion(m for m in manifests if m.ingested and m.campaign == name) else None
 
 
 def analyse_motion(store: Path, campaign: str) -> Outcome:
@@ -118,15 +111,12 @@ def _diagnosed_motion(
     clock : callable
         Time of day, for the provenance.
     """
-    began, bench = clock(), bench_of_store(store)
-    given = NO_MODEL if model is None else read_motion_model(model, bench)
-    runs = moving_runs(Store(store), campaign)
+    began, runs = clock(), moving_runs(Store(store), campaign)
     judged = [run for run in judged_runs(choose_campaign(Store(store), campaign)[1]) if run.manoeuvre.moves]
     moving, aside = [run for run in runs if run.manoeuvre.moves], [run for run in judged if not run.record.sound]
     minutes = sum(len(run.torque.sun) / run.rate for run in moving) / MINUTE
-    cleared, predicted = apply_motion_model(given, runs, bench)
+    diagnosis, given, predicted = diagnose_runs(store, campaign, runs, model, progress)
     of_model = () if predicted is None else (f"{given.description}: {predicted.sentence}",)
-    diagnosis = diagnose_motion(campaign, cleared, bench, np.random.default_rng(SEED), progress, given.constants)
     document = motion_document(diagnosis)
     recordings, named = recordings_of(store, campaign), "" if model is None else f" --model {shlex.quote(model.name)}"
     page = motion_report(
@@ -163,6 +153,17 @@ def _diagnosed_motion(
     summary = (f"  {line}" for line in motion_summary(judged))
     lines = (f"{document['phrase']}: {document['statement']}", head, *summary, *of_model, f"report: {files[0]}")
     return diagnosis, Outcome(data, lines, partial=bool(aside), mismatch=diagnosis.mismatch.found)
+
+
+def diagnose_runs(
+    store: Path, campaign: str, runs: tuple[MovingRun, ...], model: Path | None, progress: Progress | None = None
+) -> tuple[MotionDiagnosis, MotionModel, MotionPrediction | None]:
+    """The diagnosis of runs of a store, the model that was given for it, and how well that predicts them."""
+    bench = bench_of_store(store)
+    given = NO_MODEL if model is None else read_motion_model(model, bench)
+    cleared, predicted = apply_motion_model(given, runs, bench)
+    rng = np.random.default_rng(SEED)
+    return diagnose_motion(campaign, cleared, bench, rng, progress, given.constants), given, predicted
 
 
 def remove_motion_report(report: Path, campaign: str) -> None:

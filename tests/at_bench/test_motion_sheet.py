@@ -101,13 +101,14 @@ def test_a_run_that_shows_several_is_made_once_and_comes_from_the_command(
     sheet = motion_sheet(_diagnosis(*runs))
     assert len(sheet.runs) == 1
     assert sheet.tests[0][1].startswith("Shows what the campaign cannot see: a mass that the drawing does not have")
-    monkeypatch.setattr(next_sheet, "analysed_campaign", lambda _: None)
-    monkeypatch.setattr(next_sheet, "campaign_in_motion", lambda *_: "c")
-    monkeypatch.setattr(next_sheet, "diagnosed_again", lambda *_: _diagnosis(*runs))
+    monkeypatch.setattr(next_sheet, "asked_in_motion", lambda *_: "c")
+    monkeypatch.setattr(next_sheet, "Store", lambda path: path)
+    monkeypatch.setattr(next_sheet, "moving_runs", lambda *_: ())
+    monkeypatch.setattr(next_sheet, "diagnose_runs", lambda *_: (_diagnosis(*runs), None, None))
     done = next_sheet.run_next(tmp_path, tmp_path / "out")
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"next.html", "next.csv"}
     assert done.data["runs"] == 1
-    monkeypatch.setattr(next_sheet, "diagnosed_again", lambda *_: _diagnosis())
+    monkeypatch.setattr(next_sheet, "diagnose_runs", lambda *_: (_diagnosis(), None, None))
     assert next_sheet.run_next(tmp_path, tmp_path / "none").data["files"] == []
     assert not (tmp_path / "none").exists()
 

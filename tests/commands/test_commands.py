@@ -102,6 +102,7 @@ TABLE: dict[str, Row] = {
             Wrong("--store {analysed} --report {tmp}/r --model {notes}", "notes"),
             Wrong("--store {broken_analysis} --report {tmp}/r", "pmg analyse"),
             Wrong("--store {analysed}", "report"),
+            Wrong("--store {analysed} --report {tmp}/r --campaign none", "no campaign 'none'"),
         ),
     ),
     "run": Row(
@@ -215,6 +216,8 @@ TABLE: dict[str, Row] = {
             Wrong(f"--store {NO_STORE} --out {{tmp}}/o", "pmg ingest"),
             Wrong("--store {analysed}", "--out"),
             Wrong("--store {analysed} --out {notes}", "notes"),
+            Wrong("--store {analysed} --out {tmp}/o --campaign none", "no campaign 'none'"),
+            Wrong("--store {analysed} --out {tmp}/o --model {notes}", "for steady points"),
         ),
     ),
     "prove": Row(

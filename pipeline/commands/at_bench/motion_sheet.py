@@ -7,27 +7,19 @@ import io
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from pmg.pipeline.commands.at_bench.page_frame import SHEET_STYLE, as_html, framed
-from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.diagnosis.balance.catalogue import TermSet
 from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
-from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.design.next_runs import merged
 from pmg.pipeline.diagnosis.motion.design.proposed_run import CHANGE_S
 from pmg.pipeline.diagnosis.motion.design.torque_apart import torque_apart
 from pmg.pipeline.diagnosis.motion.statement import causes
-from pmg.pipeline.motion.stored import moving_runs
-from pmg.pipeline.settings.bench_in_force import bench_of_store
-from pmg.pipeline.store.store import Store
 from pmg.pipeline.wording.numerals import number
 from pmg.pipeline.wording.plurals import counted, uncapitalised
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import MINUTE, RESIDUAL, RPM
 
 if TYPE_CHECKING:
-    from pathlib import Path
 
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
     from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun
@@ -86,13 +78,6 @@ class MotionSheet:
     def minutes(self) -> float:
         """Time on the bench, changes included [min]."""
         return sum(each.run.seconds + CHANGE_S for each in self.runs) / MINUTE
-
-
-def diagnosed_again(store: Path, campaign: str) -> MotionDiagnosis:
-    """The diagnosis of the runs in motion of a campaign, as `pmg compare` makes it without a given model."""
-    return diagnose_motion(
-        campaign, moving_runs(Store(store), campaign), bench_of_store(store), np.random.default_rng(SEED)
-    )
 
 
 def motion_sheet(diagnosis: MotionDiagnosis) -> MotionSheet:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.analysis.outputs import analysed_campaign, read_analysis
-from pmg.pipeline.commands.at_bench.motion_sheet import diagnosed_again, motion_page, motion_sheet, references_csv
+from pmg.pipeline.analysis.outputs import read_analysis
+from pmg.pipeline.commands.at_bench.motion_sheet import motion_page, motion_sheet, references_csv
 from pmg.pipeline.commands.at_bench.sheet_page import BenchSheet, SheetRow, sheet_csv, sheet_page
+from pmg.pipeline.commands.campaign_asked import asked_in_motion
 from pmg.pipeline.commands.compare_and_diagnose import SEED, compare_and_diagnose
-from pmg.pipeline.commands.motion import campaign_in_motion
+from pmg.pipeline.commands.motion import diagnose_runs
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.stored_analysis import analysed
 from pmg.pipeline.diagnosis.design.expected_readings import expected_readings
@@ -21,6 +22,8 @@ from pmg.pipeline.diagnosis.grid.statement import causes, phrase
 from pmg.pipeline.diagnosis.motion.statement import phrase as phrase_in_motion
 from pmg.pipeline.files.atomic import write_together
 from pmg.pipeline.fit.whitening import whitener
+from pmg.pipeline.motion.stored import moving_runs
+from pmg.pipeline.store.store import Store
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import FitError
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
@@ -38,8 +41,8 @@ WITHOUT = "the simulation as it is"
 """What is expected where no cause is in the model."""
 
 
-def run_next(store: Path, out: Path) -> Outcome:
-    """Write the next test of an analysed campaign.
+def run_next(store: Path, out: Path, campaign: str | None = None, model: Path | None = None) -> Outcome:
+    """Write the next test of an analysed campaign, or the next runs of one in motion.
 
     Parameters
     ----------
@@ -47,15 +50,24 @@ def run_next(store: Path, out: Path) -> Outcome:
         Holds the analysis.
     out : Path
         Receives the sheet and its points.
+    campaign : str, optional
+        Which one, where the store holds several.
+    model : Path, optional
+        A model of runs in motion that is known, as `pmg compare` takes it.
 
     Raises
     ------
     PmgError
-        The store holds no analysis, or one that reached no calibration.
+        The store holds no analysis, that of another campaign, or one that reached no calibration; or a model was given
+        for steady points.
     """
-    moving = campaign_in_motion(store, analysed_campaign(store))
+    moving = asked_in_motion(store, campaign)
     if moving is not None:
-        return _next_runs(store, moving, out)
+        return _next_runs(store, moving, out, model)
+    if model is not None:
+        why = "the torques that the sheet expects would lack those of the model"
+        do = "Leave --model out; compare the new points with it afterwards: pmg compare --model FILE."
+        raise FitError("--model", f"{model}, for steady points", f"runs in motion: {why}", do)
     whole = analysed(store, *read_analysis(store))
     judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED))
     if judged is None or whole.analysis.calibration is None:
@@ -86,9 +98,9 @@ def run_next(store: Path, out: Path) -> Outcome:
     return Outcome(data, tuple(lines))
 
 
-def _next_runs(store: Path, campaign: str, out: Path) -> Outcome:
+def _next_runs(store: Path, campaign: str, out: Path, model: Path | None) -> Outcome:
     """Write the next runs of a campaign in motion."""
-    diagnosis = diagnosed_again(store, campaign)
+    diagnosis, *_ = diagnose_runs(store, campaign, moving_runs(Store(store), campaign), model)
     sheet, verdict, words = motion_sheet(diagnosis), str(diagnosis.verdict), phrase_in_motion(diagnosis)
     if not sheet.runs:
         return Outcome({"verdict": verdict, "files": []}, (f"{words}: no run is asked for; there is no sheet.",))
