@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import TermFit
+from pmg.pipeline.diagnosis.motion.candidates.terms import torque_of_terms
 from pmg.pipeline.diagnosis.motion.fitted import HELD, fit_beside, fit_constants
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.model.motion_model import NO_MODEL, digest_of
@@ -15,7 +16,6 @@ from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
-    from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.pipeline.model.motion_model import MotionCause, MotionModel
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
@@ -91,7 +91,7 @@ def _without(about: MotionBaseline, causes: tuple[MotionCause, ...]) -> dict[str
     for view in views_of(about.clean):
         run = view.state.stretch.run
         before = found.get(run.run.name, run.run.torque)
-        effect = sum((_torque(view, cause) for cause in causes), np.zeros(len(run.time)))
+        effect = torque_of_terms(view, ((each.term, each.shape, np.array(each.amplitudes)) for each in causes))
         more: Array = np.interp(np.arange(len(before[view.side])) / run.run.rate, run.time, effect)
         found[run.run.name] = replace(before, **{view.side: before[view.side] - more})
     return found
@@ -99,11 +99,6 @@ def _without(about: MotionBaseline, causes: tuple[MotionCause, ...]) -> dict[str
 
 def _as_fit(cause: MotionCause) -> TermFit:
     return TermFit(cause.term, 0.0, 0.0, np.zeros(0), (), np.array(cause.amplitudes), cause.shape)
-
-
-def _torque(view: RotorView, cause: MotionCause) -> Array:
-    """What a cause adds at the fine samples of a stretch [N m], (n,)."""
-    return np.asarray(cause.term.columns_on(view, cause.shape) @ np.array(cause.amplitudes))
 
 
 def _missing(baseline: MotionBaseline) -> float:

@@ -73,12 +73,13 @@ def test_causes_lie_apart_by_what_they_do_in_the_run() -> None:
     found = _evidence((0, 1, 2, 5))
     term = TERMS["torque_gain_error/sun/"]
     one, thrice = (TermFit(term, 100.0, 1.0, np.zeros(0), (), np.array([part]), math.nan) for part in (0.01, 0.03))
-    apart = torque_apart(found, BACK, (one,), ())
+    (apart,) = torque_apart(found, BACK, (one,), [()])
     whole, first = with_runs(found.baseline, (BACK,))
     torque = np.concatenate([stretch.shaft.torque for stretch in whole.stretches[first:] if stretch.side == "sun"])
     assert apart["sun"] == pytest.approx(0.01 * math.sqrt(np.mean(torque**2)), rel=0.05)
     assert apart.get("ring", 0.0) == 0.0
-    assert torque_apart(found, BACK, (thrice,), (one,))["sun"] == pytest.approx(2.0 * apart["sun"])
+    both = torque_apart(found, BACK, (thrice,), [(one,), ()])
+    assert [each["sun"] for each in both] == pytest.approx([2.0 * apart["sun"], 3.0 * apart["sun"]])
 
 
 def _diagnosis(*next_runs: NextRun) -> Any:  # noqa: ANN401 - stands for a diagnosis

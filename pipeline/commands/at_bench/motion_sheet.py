@@ -20,7 +20,6 @@ from pmg.sim.shafts import SIDES
 from pmg.sim.signals import MINUTE, RESIDUAL, RPM
 
 if TYPE_CHECKING:
-
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
     from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun
     from pmg.pipeline.diagnosis.motion.design.proposed_run import ProposedRun, Reference
@@ -108,7 +107,7 @@ def _apart(diagnosis: MotionDiagnosis, test: NextRun, run: ProposedRun) -> dict[
     if diagnosis.naming is None or not test.rivals:
         return {}
     best = diagnosis.naming.best.fits
-    of_rivals = [torque_apart(diagnosis.evidence, run, best, rival) for rival in test.rivals]
+    of_rivals = torque_apart(diagnosis.evidence, run, best, test.rivals)
     return min(of_rivals, key=lambda each: max(each.values()))
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline, start_baseline
+from pmg.pipeline.diagnosis.motion.candidates.terms import torque_of_terms
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.families import slow_structures
 from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise
@@ -255,10 +256,7 @@ def _torque(
 ) -> tuple[Array, ...]:
     """Torque of some of the mechanisms at the fine samples of each stretch [N m], from the signals of a baseline."""
     parts = [(_term(fit), fit.shape, a) for fit, a in zip(fits, amounts, strict=True) if which(_term(fit))]
-    return tuple(
-        sum((term.columns_on(view, shape) @ a for term, shape, a in parts), np.zeros(len(view.speed)))
-        for view in views_of(signals)
-    )
+    return tuple(torque_of_terms(view, parts) for view in views_of(signals))
 
 
 def _term(fit: TermFit) -> MotionTerm:

@@ -14,7 +14,7 @@ from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from pmg.sim.signals import Array, Spectrum
     from pmg.sim.sources import Source
@@ -139,3 +139,8 @@ def signed(*names: str, unit: str, most: float = math.inf) -> tuple[Quantity, ..
 def stack(*columns: Array) -> Array:
     """Columns side by side (n, k)."""
     return np.stack(columns, axis=1)
+
+
+def torque_of_terms(view: RotorView, parts: Iterable[tuple[MotionTerm, float, Array]]) -> Array:
+    """What mechanisms of a shape and amplitudes (a,) each add at the fine samples of a stretch [N m], (n,)."""
+    return sum((term.columns_on(view, shape) @ sizes for term, shape, sizes in parts), np.zeros(len(view.speed)))

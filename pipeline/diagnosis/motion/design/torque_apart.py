@@ -6,22 +6,24 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.motion.candidates.terms import torque_of_terms
 from pmg.pipeline.diagnosis.motion.design.proposed_run import with_runs
 from pmg.pipeline.diagnosis.motion.view import views_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.design.proposed_run import ProposedRun
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
-    from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array
 
 
 def torque_apart(
-    found: MotionEvidence, run: ProposedRun, one: tuple[TermFit, ...], other: tuple[TermFit, ...]
-) -> dict[str, float]:
-    """Root mean square of the torque of one set of causes less that of another, by shaft [N m].
+    found: MotionEvidence, run: ProposedRun, one: tuple[TermFit, ...], others: Sequence[tuple[TermFit, ...]]
+) -> list[dict[str, float]]:
+    """Root mean square of the torque of one set of causes less that of each of some others, by shaft [N m].
 
     The constants are those of the evidence: fitted anew, they would take up a part of it.
 
@@ -31,17 +33,19 @@ def torque_apart(
         Of the campaign.
     run : ProposedRun
         The run.
-    one, other : tuple of TermFit
-        The sets, as fitted; an empty one is the model without a cause.
+    one : tuple of TermFit
+        The set, as fitted.
+    others : sequence of tuple of TermFit
+        The other sets; an empty one is the model without a cause.
     """
     whole, first = with_runs(found.baseline, (run,))
-    return {
-        view.side: float(np.sqrt(np.mean((_torque(view, one) - _torque(view, other)) ** 2)))
-        for view in views_of(whole)[first:]
-    }
+    views = views_of(whole)[first:]
+    of_one, *of_others = ([torque_of_terms(view, map(_part, fits)) for view in views] for fits in (one, *others))
+    return [
+        {view.side: float(np.sqrt(np.mean((a - b) ** 2))) for view, a, b in zip(views, of_one, other, strict=True)}
+        for other in of_others
+    ]
 
 
-def _torque(view: RotorView, fits: tuple[TermFit, ...]) -> Array:
-    """Torque of a set at the fine samples (n,) [N m]."""
-    parts = (cast("MotionTerm", fit.candidate).columns_on(view, fit.shape) @ fit.amplitudes for fit in fits)
-    return sum(parts, np.zeros(len(view.speed)))
+def _part(fit: TermFit) -> tuple[MotionTerm, float, Array]:
+    return cast("MotionTerm", fit.candidate), fit.shape, fit.amplitudes
