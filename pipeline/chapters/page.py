@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from pmg.pipeline.analysis.power_flow import power_flows
 from pmg.pipeline.analysis.tolerance import agreements
 from pmg.pipeline.chapters.arrange import arranged
@@ -37,6 +39,8 @@ from pmg.pipeline.model.apply_model import lead
 from pmg.pipeline.report.document import Caution, Facts, Headline, Report, Section, Signals, Table, Text
 from pmg.pipeline.thesis_figures.printed_simulation import oddities
 from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.units import MILLI
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -235,11 +239,11 @@ def _verdict(
     warnings += [Caution(*odd) for odd in oddities(grid)]
     above = 0 if analysis.balance is None else int(analysis.balance.above_one().sum())
     zeros = int(grid.points.zero.sum())
-    checks = f" ({counted(zeros, 'zero')})" if zeros else ""
+    checks = f" ({counted(zeros, 'zero check')})" if zeros else ""
     figures = [("Points accepted", f"{int(grid.accepted.sum())} of {len(grid)}{checks}")]
     if agreed is not None:
         out = int(agreed.compared.sum()) - int(agreed.within.sum())
-        figures.append(("Compared points out of tolerance", f"{out} of {int(agreed.compared.sum())}"))
+        figures.append((f"Out of tolerance{_least_bounds(agreed)}", f"{out} of {int(agreed.compared.sum())}"))
     if diagnosis is None:
         reason = str(analysis.missing[0]) if analysis.missing else ""
         text = f"No comparison was possible. {reason}".strip()
@@ -250,3 +254,12 @@ def _verdict(
     test = bool(diagnosis.next_tests) or diagnosis.verdict is Verdict.CONFOUNDED
     asks = "" if state == "good" else asked_of(diagnosis.verdict, repair=bool(bench_action(diagnosis)), test=test)
     return Headline(before + statement(diagnosis), state, tuple(figures), tuple(warnings), asks)
+
+
+def _least_bounds(agreed: Agreements) -> str:
+    """The smallest torque that is out of tolerance on either shaft, in brackets; empty where none is compared."""
+    judged = {side: agreed.of[f"torque_{side}"] for side in SIDES}
+    if not all(each.compared.any() for each in judged.values()):
+        return ""
+    least = (f"{np.min(each.bound[each.compared]) / MILLI:.3g} mN m {side}" for side, each in judged.items())
+    return f" (from {', '.join(least)})"

@@ -11,7 +11,7 @@ import numpy as np
 
 from pmg.pipeline.analysis.outputs import read_analysis, unproven_analysis
 from pmg.pipeline.analysis.tolerance import Tolerance
-from pmg.pipeline.chapters.measured.sensor_fault import sensor_fault_warning
+from pmg.pipeline.chapters.measured.sensor_fault import highest_loss, sensor_fault_warning
 from pmg.pipeline.chapters.page import RecordedFacts, build_report
 from pmg.pipeline.commands.analyse import analysis_findings, run_analyse
 from pmg.pipeline.commands.campaign_asked import asked_in_motion
@@ -265,7 +265,8 @@ def campaign_page(
         faults=faults,
     )
     if faults and analysis.balance is not None:
-        remarks += (Remark("warning", "losses", sensor_fault_warning(faults, analysis.balance)),)
+        told = f"{sensor_fault_warning(faults)} {highest_loss(faults, analysis.balance)}"
+        remarks += (Remark("warning", "losses", told),)
     return page, remarks
 
 

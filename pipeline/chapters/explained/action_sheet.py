@@ -122,7 +122,7 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         yield beyond(diagnosis.mismatch)
         shafts = " and ".join(diagnosis.blind)
         yield f"The points were run in the order of the {shafts} speed, and none was repeated."
-        yield "A drift of any size would look like part of the loss curve. Which component drifts is unknown."
+        yield "A drift of any size would look like part of the loss curve. Which component would drift is unknown."
     elif not diagnosis.mismatch.found:
         points = counted(int(diagnosis.mismatch.readings.grid.accepted.sum()), "point")
         u = " and ".join(f"{diagnosis.floor[side].u * 1e3:.1f} ({side})" for side in SIDES)
@@ -148,7 +148,7 @@ def _sureness(diagnosis: Diagnosis) -> Iterator[str]:
     if (record := track_record(diagnosis)) is not None:
         yield record.sentence
     if diagnosis.verdict is Verdict.CONFOUNDED:
-        yield "All that was found could be drift or real loss. Slow changes are neither shown nor excluded."
+        yield "What the loss curves hold could be drift or real loss. Slow changes are neither shown nor excluded."
     elif not mismatch.found:
         alarms = f"{mismatch.false_alarm_rate:.0%} of campaigns without a difference raise an alarm."
         yield f"{counted(mismatch.tested, 'kind')} of dependence tested; {alarms}"
@@ -188,7 +188,8 @@ def _action(diagnosis: Diagnosis) -> str:
         side = diagnosis.mismatch.locations[0].signal.removeprefix("torque_")
         again = " The next test shows whether it comes back." if likely else ""
         return f"Change nothing yet: look on the {side} shaft for what the difference depends on.{again}"
-    return f"Inspect the {', the '.join(parts[:-1])}{' and the ' if parts[1:] else ''}{parts[-1]}."
+    first = "If the next test shows it again, inspect" if likely else "Inspect"
+    return f"{first} the {', the '.join(parts[:-1])}{' and the ' if parts[1:] else ''}{parts[-1]}."
 
 
 def _next(diagnosis: Diagnosis) -> str:

@@ -99,10 +99,13 @@ def _words(flow: Flow, i: int) -> str:
 def _finding(flow: Flow) -> Text:
     beyond, n = flow.beyond, len(flow.grid)
     if not beyond.any():
-        return Text(f"The unexplained branch is within U = 2u of zero at all {n} points.", kind="finding")
+        return Text(f"The measured powers add up within their uncertainty (U = 2u) at all {n} points.", kind="finding")
     names = [str(name) for name in flow.grid.points.name[beyond]]
     text = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
-    return Text(f"The unexplained branch is beyond U = 2u at {len(names)} of {n} points: {text}.", kind="warning")
+    return Text(
+        f"The measured powers do not add up within their uncertainty (U = 2u) at {len(names)} of {n} points: {text}.",
+        kind="warning",
+    )
 
 
 def _choice(flow: Flow, best: int) -> PowerFlow:

@@ -17,13 +17,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.report.table import Cell
 
 
-def sensor_fault_warning(found: tuple[CorrectedLosses, ...], balance: PowerBalance) -> str:
-    """The warning in a sentence or two, with the highest loss as read and without the fault."""
-    fault = "a reading may have a fault, whose error would be" if found[0].doubtful else "a reading has a fault that is"
-    return (
-        f"Losses and efficiencies are as the transducers read: {fault} in them, and their U does not cover it. "
-        f"{highest_loss(found, balance)}"
-    )
+def sensor_fault_warning(found: tuple[CorrectedLosses, ...]) -> str:
+    """The warning in a sentence."""
+    of = "may have" if found[0].doubtful else "has"
+    return f"Losses and efficiencies are as read, and a transducer {of} a fault: their uncertainty does not cover it."
 
 
 def highest_loss(found: tuple[CorrectedLosses, ...], balance: PowerBalance | None) -> str:
@@ -35,8 +32,9 @@ def highest_loss(found: tuple[CorrectedLosses, ...], balance: PowerBalance | Non
     u = float(balance.u(loss_name)[i])
     as_read = _loss(float(balance.values[loss_name][i]), 2.0 * u)
     without = [(one.values[loss_name][i], np.hypot(u, one.spread[loss_name][i]), one.description) for one in found]
-    others = "; ".join(f"{_loss(float(v), 2.0 * float(w))} with {fault} taken out" for v, w, fault in without)
-    return f"At {balance.grid.points.name[i]} the total loss is {as_read} as read (U = 2u); {others}."
+    others = " or ".join(f"{_loss(float(v), 2.0 * float(w))} with {fault} taken out" for v, w, fault in without)
+    holds = "The fault would be in the losses" if found[0].doubtful else "The fault is in the losses"
+    return f"{holds}: at {balance.grid.points.name[i]} {as_read} as read (U = 2u), {others}."
 
 
 def _loss(value: float, expanded: float) -> str:
@@ -71,7 +69,8 @@ def sensor_fault_items(found: tuple[CorrectedLosses, ...], balance: PowerBalance
     ]
     text = "as many explanations as these recordings leave open" if len(found) > 1 else "the explanation that was found"
     return (
-        Text(sensor_fault_warning(found, balance), kind="warning"),
+        Text(sensor_fault_warning(found), kind="warning"),
+        Text(highest_loss(found, balance), kind="finding"),
         Table(
             "losses-misread",
             "Losses with and without the fault",

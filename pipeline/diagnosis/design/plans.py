@@ -223,7 +223,7 @@ def _neutral_plans(at: OperatingPoints, bench: BenchParameters, sun: Array, begi
     rows = np.random.default_rng(SEED).permutation(np.linspace(0, pair * pair - 1, 10).astype(int))
     again = "neutral", sun_n[rows % pair], sense * ring_n[rows // pair], np.zeros(10)
     words = (
-        "Ten neutral points spread over the grid, in random order, right after the campaign and again after two hours "
+        "Twenty neutral points: ten spread over the grid, in random order and run in, and the same ten after two hours "
         "of rest"
     )
     warm, cold = (make_points(n, *again, begin=t) for n, t in (("R", begin), ("C", begin + PAUSE + 10 * A_POINT)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.diagnosis.grid.remedy import percent
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.plurals import uncapitalised
 from pmg.sim.mechanisms.base import LawCovariate
@@ -65,7 +66,7 @@ def form_sentences(diagnosis: Diagnosis) -> str:
         if test is not None:
             sentences.append(
                 f"To tell: {test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). "
-                f"It tells {test.power:.0%} of the time."
+                f"It tells with {percent(test.power)} probability."
             )
     return " ".join(sentences)
 

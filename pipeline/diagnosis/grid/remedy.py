@@ -49,7 +49,8 @@ def bench_action(diagnosis: Diagnosis) -> str:
         return "check the zero and the calibration of the torque transducers"
     if any(fit.candidate.kind.memory for fit in naming.best.fits):
         if warm := _begins_warm(diagnosis):
-            return f"log the temperature, and wait until the drag stands still: the {warm} begin warm"
+            why = f"the {warm} start above their mean temperature"
+            return f"log the temperature, and start when the no-load torque no longer changes: {why}"
         return "log the temperature, and warm up first"
     return ""
 
@@ -84,15 +85,23 @@ def lifting(diagnosis: Diagnosis) -> str:
         return "Repeat points spread over the grid, in random order."
     sizes = " and ".join(f"{HIDDEN * diagnosis.floor[side].u / MILLI:.1f} mN m ({side})" for side in diagnosis.blind)
     drift = f"a drift of {HIDDEN:g} times the repeatability, {sizes} rms,"
-    power = f"It would show {drift} with a probability of {test.power:.0%}; a smaller one less often."
+    power = f"It would show {drift} with {percent(test.power)} probability; a smaller one less often."
     return f"{test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). {power}"
 
+
+def percent(power: float) -> str:
+    """A power in per cent; nothing is certain."""
+    return f"{power:.0%}" if power <= SURE else f"over {SURE:.0%}"
+
+
+SURE = 0.99
+"""Power above which its digits have no meaning."""
 
 LIKELY = 0.5
 """Power below which a test more often fails than not."""
 
 
-APART, AGAIN = "tells them apart", "shows it again"
+APART, AGAIN = "tell them apart", "show it again"
 """What a test does that tells causes apart, and one that repeats a difference."""
 
 
@@ -100,7 +109,7 @@ def words_of_test(test: NextTest, does: str = APART) -> str:
     """A test with its bench time, what it `does` and its power, as a sentence."""
     plan, minutes = test.plan, f"{test.plan.seconds / MINUTE:.0f} min"
     weak = " Too weak to rely on: it is the best of those known." if test.power < LIKELY else ""
-    return f"{plan.description} ({minutes}; it {does} {test.power:.0%} of the time).{weak}"
+    return f"{plan.description} ({minutes}; {percent(test.power)} likely to {does}).{weak}"
 
 
 def best_test(tests: tuple[NextTest, ...]) -> NextTest:
