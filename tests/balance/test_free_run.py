@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.balance import wheel
+from tests.balance.test_known_terms import MACHINE, diagnosed, records, written
 
+from pmg.pipeline.chapters.explained.free_run import free_run_sections
+from pmg.pipeline.diagnosis.balance.decide import with_free_runs
 from pmg.pipeline.diagnosis.balance.free_run import free_run
 from pmg.pipeline.diagnosis.balance.known_terms import SetTerm
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import Motion
 from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 RATE, MASS = 1000.0, 90.0
 TERMS = {term.identifier: term for term in DRIVE}
@@ -85,3 +96,14 @@ def test_where_the_speed_alone_is_recorded_it_is_compared() -> None:
     assert found.span == pytest.approx(speed[-1])
     assert found.largest < 2e-3 * speed[-1]
     assert found.error <= found.largest
+
+
+def test_a_withheld_part_of_a_recording_has_a_curve_of_its_own(tmp_path: Path) -> None:
+    """Fitted and withheld part are of other lengths; what no rule let through is tried, not named."""
+    folder = records(tmp_path / "a", wheel.plain, 4, names=("one.csv",))
+    machine = written(tmp_path, MACHINE.replace('withheld = ["withheld.csv"]', "withheld_part = 0.3"))
+    found = with_free_runs(replace(diagnosed(machine, folder), verdict=Verdict.NOT_IN_LIBRARY))
+    assert {run.record for run in found.free_runs} == {"one.csv", "one.csv, withheld part"}
+    assert "named" not in {run.model for run in found.free_runs}
+    (section,) = free_run_sections(found)
+    assert "one.csv, withheld part" in str(section)

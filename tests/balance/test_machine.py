@@ -214,7 +214,8 @@ def test_the_end_of_each_recording_may_be_withheld(tmp_path: Path) -> None:
     machine = changed(tmp_path, ('withheld = ["withheld*"]', "withheld_part = 0.3"))
     fit, withheld = read_recordings(case_of(read_machine(machine), records))
     assert withheld is not None
-    assert fit.names == withheld.names == ("first.csv", "second.csv")
+    assert fit.names == ("first.csv", "second.csv")
+    assert withheld.names == ("first.csv, withheld part", "second.csv, withheld part")
     assert len(withheld.force) == pytest.approx(0.3 / 0.7 * len(fit.force), rel=0.02)
 
 

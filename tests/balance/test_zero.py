@@ -13,11 +13,12 @@ from scipy import stats
 from tests.balance import gearbox, wheel
 from tests.balance.test_known_terms import MACHINE, diagnosed, known, records, written
 
+from pmg.pipeline.diagnosis.balance.document import terms_lines
 from pmg.pipeline.diagnosis.balance.estimate import T_95, fit_together
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.machine.power import steady_points
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
-from pmg.pipeline.diagnosis.balance.records.zero import _error
+from pmg.pipeline.diagnosis.balance.records.zero import _error, words_of_zero, zero_lines
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.machine.machine_text import for_other_records
@@ -72,6 +73,11 @@ def test_a_zero_at_rest_is_known_and_told(tmp_path: Path) -> None:
     assert 0.0 < each.error < 1e-4
     (said,) = [f.message for f in settled.recorded.findings if "is taken out" in f.message]
     assert " N m" in said
+    (line,) = zero_lines(settled.case)
+    assert line.startswith("rest_1.csv, rest_2.csv: at rest; T: the zero, 0.01")
+    assert line in terms_lines(settled)
+    assert line in words_of_zero(settled.case)
+    assert "can tell the two apart" in words_of_zero(open_one.case)
     assert {path.name for path in settled.case.files} >= {"rest_1.csv", "rest_2.csv"}
     assert 'zero = ["rest*.csv"]' not in for_other_records(AT_REST).replace('# zero = ["rest*.csv"]', "")
 

@@ -13,6 +13,7 @@ from pmg.pipeline.chapters.explained.low_passes import low_passes_table
 from pmg.pipeline.diagnosis.balance.causes import named_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.document import percent, taken_for_granted
 from pmg.pipeline.diagnosis.balance.library.drive import EMPS
+from pmg.pipeline.diagnosis.balance.records.zero import words_of_zero
 from pmg.pipeline.diagnosis.balance.serial import KUENSCH
 from pmg.pipeline.diagnosis.balance.titles import separating_test, title_of, titled
 from pmg.pipeline.report.document import Cell, Column, Facts, Measured, Section, Table, Text
@@ -119,7 +120,7 @@ def _stand_row(d: TermsDiagnosis, kind: str, step: ModelStep) -> tuple[Cell, ...
 
 
 def _models(d: TermsDiagnosis) -> Section:
-    kinds = (("named", d.steps), ("refinement", d.refinements), ("dropped", d.dropped))
+    kinds = ((d.last_word, d.steps), ("refinement", d.refinements), ("dropped", d.dropped))
     push = d.case.axis.push
     rows = [_stand_row(d, kind, step) for kind, steps in kinds for step in steps]
     for which, error in d.case.published_errors.items():
@@ -128,9 +129,9 @@ def _models(d: TermsDiagnosis) -> Section:
     table = Table(
         "terms-models",
         "One term after the other",
-        "Each line adds a term to the one above. A named term passed every rule; a refinement lowers the error "
-        "on withheld blocks and beats every decoy, but beside the named ones it may be no more than an error of "
-        "their form. One that makes the error on the withheld record larger, or a value impossible, is dropped.",
+        "Each line adds a term to the one above. A named term passed every rule, a tried one did not; a refinement "
+        "lowers the error on withheld blocks and beats every decoy, but may be no more than an error of form. One that "
+        "makes the error on the withheld record larger, or a value impossible, is dropped.",
         (
             Column("model", "Added"),
             Column("state", "State"),
@@ -294,7 +295,6 @@ def _limits(d: TermsDiagnosis) -> Section:
     )
     text = (
         f"The machine is at rest in {percent(at_rest)} of the samples, and slower than a thousandth of its top speed "
-        f"in {percent(slow)}. Coulomb friction with an offset is F+ forwards and F- backwards, as is Coulomb friction "
-        "that depends on direction: only a record at rest, or the machine turned around, can tell the two apart."
+        f"in {percent(slow)}. {words_of_zero(d.case)}"
     )
     return Section("terms-limits", "What cannot be determined", (Text(text), table))

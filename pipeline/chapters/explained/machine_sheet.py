@@ -40,6 +40,9 @@ TITLES = {
 }
 """Verdict in the words of the other sheets."""
 
+WITH = {"named": "with the cause", "tried": "with the terms tried"}
+"""The last model in a legend, by what is said of its terms."""
+
 
 def machine_sheet(diagnosis: TermsDiagnosis, *, goes_on: bool) -> ActionSheet:
     """The sheet of a machine of one's own; with `goes_on` a machine file with the cause was written."""
@@ -179,7 +182,7 @@ def _picture(d: TermsDiagnosis) -> Figure:
     first, last, push = d.steps[0], d.steps[-1], d.case.axis.push
     stages = [("plain model", _missing(d, first), 1)]
     if last is not first:
-        stages.append(("with the cause", _missing(d, last), 0))
+        stages.append((WITH[d.last_word], _missing(d, last), 0))
     shown, name = _clearest(d, stages[0][1] ** 2 - (stages[1][1] ** 2 if len(stages) > 1 else 0.0))
     time, u = d.recorded.elapsed[shown], d.noise.noise.standard_deviation
     ends = np.array([float(time[0]), float(time[-1])])

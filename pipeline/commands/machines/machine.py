@@ -9,6 +9,7 @@ from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.diagnosis.balance.machine.found_and_stated import not_compared
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
+from pmg.pipeline.diagnosis.balance.records.zero import zero_lines
 from pmg.pipeline.machine.gear_page import shown_bench
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.machine.magnetic import remarks_on_bench, usual
@@ -80,6 +81,7 @@ def check_machine(machine: str, recordings: Path | None) -> Outcome:
         raise BenchError(str(recordings), "recordings in layout pmg.v1", "none", f"Look at them by '{survey}'.")
     if recordings is not None:
         case = case_of(described, recordings)
+        lines += zero_lines(case)
         fit, withheld = read_recordings(case)
         for kind, found in (("fitted", fit), ("withheld", withheld)):
             for one in () if found is None else found.each():

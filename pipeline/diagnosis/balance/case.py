@@ -87,7 +87,7 @@ class Case:
         Name of the shaft that the balance is of; empty where there is no machine file.
     second : SecondFile, optional
         Where the channels of the second shaft lie, if not in the same file.
-    tares : mapping of str to float
+    tares, tare_errors : mapping of str to float
         Of channels that have one, what they show at rest with the drive off [SI]: it is taken out of them.
     findings : tuple of Finding
         What was lost, or found, in reading `zero`.
@@ -113,6 +113,7 @@ class Case:
     second: SecondFile | None = None
     zero: tuple[Path, ...] = ()
     tares: Mapping[str, float] = field(default_factory=dict)
+    tare_errors: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
 
     @property

@@ -96,6 +96,11 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     low_passes: tuple[LowPassTried, ...] = ()
     hangs_on_low_pass: bool = False
 
+    @property
+    def last_word(self) -> str:
+        """What is said of the terms of the last step: whether they are named or were no more than tried."""
+        return "named" if self.verdict.names else "tried"
+
 
 def diagnose_terms(
     case: Case,
@@ -210,7 +215,7 @@ def with_free_runs(d: TermsDiagnosis) -> TermsDiagnosis:
         published = ()  # at an angle that nobody recorded
     models = {"published": published, "baseline": of_fit(steps[0].fitted, case)}
     if len(steps) > 1:
-        models["named"] = of_fit(steps[-1].fitted, case)
+        models[d.last_word] = of_fit(steps[-1].fitted, case)
     if refinements:
         models["refined"] = of_fit(refinements[-1].fitted, case)
     records = [one for whole in (d.recorded, d.withheld) if whole is not None for one in whole.each()]

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.balance.estimate import impossible_in
+from pmg.pipeline.diagnosis.balance.records.zero import zero_lines
 from pmg.pipeline.diagnosis.balance.titles import separating_test, title_of, titled, titles_of
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
@@ -253,7 +254,7 @@ def _why_dropped(diagnosis: TermsDiagnosis, step: ModelStep) -> str:
 
 def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
     """The diagnosis in a few lines."""
-    lines = [headline(diagnosis), ""]
+    lines = [headline(diagnosis), *zero_lines(diagnosis.case), ""]
     lines += [f"{'model':<44}{'fit':>9}{'withheld':>10}  withheld blocks [{diagnosis.case.axis.push}]"]
     for kind, steps in (("+ ", diagnosis.steps), ("refined by ", diagnosis.refinements)):
         for step in steps:

@@ -71,7 +71,7 @@ def _leading(d: TermsDiagnosis) -> frozenset[str]:
 def _may_explain(d: TermsDiagnosis, tried: LowPassTried) -> bool:
     sizes = all(abs(each.value) > NOT_NOTHING * each.standard_error for each in tried.sizes)
     nothing_leads = d.verdict is Verdict.NOT_IN_LIBRARY and not d.impossible and not d.hangs_on_low_pass
-    return nothing_leads and tried.explained and bool(tried.fits) and sizes
+    return nothing_leads and tried.explained and not tried.impossible and bool(tried.fits) and sizes
 
 
 def _lets_in_a_resonance(d: TermsDiagnosis, tried: LowPassTried) -> bool:

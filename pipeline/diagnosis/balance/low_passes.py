@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.diagnosis.balance.estimate import fit_together
+from pmg.pipeline.diagnosis.balance.estimate import fit_together, impossible_in
 from pmg.pipeline.diagnosis.balance.records.reading import KEPT, read_recordings
 from pmg.pipeline.diagnosis.balance.search_record import search_record
 from pmg.sim.errors import RecordingError
@@ -49,6 +49,8 @@ class LowPassTried:
         Whether they leave no more than noise, or an error of form.
     sizes : tuple of Estimate
         Their parameters.
+    impossible : bool
+        Whether no machine has some of the values beside them.
     """
 
     low_pass_hz: float
@@ -57,6 +59,7 @@ class LowPassTried:
     fits: tuple[TermFit, ...] = ()
     explained: bool = False
     sizes: tuple[Estimate, ...] = ()
+    impossible: bool = False
 
     @property
     def ids(self) -> frozenset[str]:
@@ -119,12 +122,10 @@ def try_low_passes(case: Case, rng: np.random.Generator) -> tuple[LowPassTried, 
         except RecordingError:
             continue
         s = search_record(other, recorded, rng)
-        sizes: tuple[Estimate, ...] = ()
-        if s.named:
-            estimates = fit_together(recorded, s.noise.noise, s.free, s.named).estimates
-            sizes = tuple(e for e in estimates if e.term in {fit.identifier for fit in s.named})
-        explained = s.found is not None and s.found.explained
-        tried.append(
-            LowPassTried(prepare.low_pass_hz, prepare.keep_every, s.mismatch.p_value, s.named, explained, sizes)
-        )
+        last = LowPassTried(prepare.low_pass_hz, prepare.keep_every, s.mismatch.p_value, s.named)
+        if s.found is not None and s.named:
+            fitted = fit_together(recorded, s.noise.noise, s.free, s.named)
+            sizes = tuple(e for e in fitted.estimates if e.term in last.ids)
+            last = replace(last, explained=s.found.explained, sizes=sizes, impossible=bool(impossible_in(fitted)))
+        tried.append(last)
     return tuple(tried)

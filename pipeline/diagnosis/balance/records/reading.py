@@ -84,7 +84,10 @@ def read_recordings(case: Case) -> tuple[Recorded, Recorded | None]:
     fit, withheld = (_moving(paths, case, resting) for paths in (case.fit, case.withheld))
     if case.withheld_part is not None:
         cut = [round((1.0 - case.withheld_part) * len(one.motion.time)) for one in fit]
-        withheld = [replace(one.part(slice(at, None)), findings=()) for one, at in zip(fit, cut, strict=True)]
+        withheld = [
+            replace(one.part(slice(at, None)), name=f"{one.name}, withheld part", findings=())
+            for one, at in zip(fit, cut, strict=True)
+        ]
         fit = [one.part(slice(None, at)) for one, at in zip(fit, cut, strict=True)]
         fit, withheld = ([one for one in part if _long_enough(one, case)] for part in (fit, withheld))
         if not fit or not withheld:

@@ -79,13 +79,34 @@ def with_zero(case: Case, file: TableFile[Any]) -> Case:
     tares = dict(zip(kinds, means.mean(axis=0).tolist(), strict=True))
     errors = {kind: _error(means[:, k], variances[:, k]) for k, kind in enumerate(kinds)}
     names = Findings(", ".join(path.name for path in case.zero))
-    for kind, tare in tares.items():
-        shown = f"{tare:.4g} ± {errors[kind]:.2g} {case.axis.push}"
-        channel, _ = case.channels[kind]
-        names.info(Code.CHANNEL_VALUE, channel.name, f"at rest: the zero, {shown}, is taken out", "Nothing to do.")
+    found = replace(case, tares=tares, tare_errors=errors)
+    for name, zero in _taken_out(found).items():
+        names.info(Code.CHANNEL_VALUE, name, f"at rest: {zero}", "Nothing to do.")
     (term,) = (term for term in case.library if term.key == ZERO)
     known = (*case.known, SetTerm(term, np.zeros(1), error=_error(means @ shares, variances @ shares**2)))
-    return replace(case, known=known, tares=tares, findings=(*findings, *names.listed()))
+    return replace(found, known=known, findings=(*findings, *names.listed()))
+
+
+def _taken_out(case: Case) -> dict[str, str]:
+    """What is taken out of each channel that has a zero, in words."""
+    sizes = ((kind, f"{tare:.4g} ± {case.tare_errors[kind]:.2g} {case.axis.push}") for kind, tare in case.tares.items())
+    return {case.channels[kind][0].name: f"the zero, {size}, is taken out" for kind, size in sizes}
+
+
+def zero_lines(case: Case) -> list[str]:
+    """What recordings at rest take out of each channel, a line each; none without such recordings."""
+    files = ", ".join(path.name for path in case.zero)
+    return [f"{files}: at rest; {name}: {told}" for name, told in _taken_out(case).items()]
+
+
+def words_of_zero(case: Case) -> str:
+    """What recordings at rest say of the zero, or what none of them leaves open, in a sentence or two."""
+    if lines := zero_lines(case):
+        return f"{'. '.join(lines)}."
+    return (
+        "Coulomb friction with an offset is F+ forwards and F- backwards, as is Coulomb friction that depends on "
+        "direction: only a record at rest, or the machine turned around, can tell the two apart."
+    )
 
 
 def _mean(path: Path, values: Array) -> tuple[float, float]:
