@@ -385,7 +385,8 @@ def test_the_whole_effect_is_told_where_the_fitted_losses_take_up_most_of_it(
     whole = times * diagnosis.naming.best.problem.unabsorbed(fit)
     said = taken_up(diagnosis, replace(fit, effect=whole))
     most = float(np.abs(whole[diagnosis.mismatch.readings.of_shaft["ring"]]).max())
-    assert said == f" In all the effect is up to {most * 1e3:.0f} mN m; the fitted losses take up the rest." * told
+    words = f" The whole effect is up to {most * 1e3:.0f} mN m: the fitted losses already hold most of it."
+    assert said == words * told
 
 
 def test_a_point_without_a_ring_torque_takes_no_efficiency_away(judged: ComparedCampaign) -> None:

@@ -168,7 +168,7 @@ def taken_up(diagnosis: Diagnosis, fit: CandidateFit) -> str:
     best, of_shaft = diagnosis.naming.best, diagnosis.mismatch.readings.of_shaft[shaft_of(diagnosis, fit)]
     at = (fit.effect != 0.0) & of_shaft
     whole, left = (float(np.abs(each[at]).max()) for each in (fit.effect, best.problem.unabsorbed(fit)))
-    words = f" In all the effect is up to {whole * 1e3:.0f} mN m; the fitted losses take up the rest."
+    words = f" The whole effect is up to {whole * 1e3:.0f} mN m: the fitted losses already hold most of it."
     return words * (whole > MOSTLY_TAKEN_UP * left)
 
 
