@@ -1,0 +1,49 @@
+"""Whether what no term explains lies at reversals, where a machine that sticks for a moment shows the same."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+    from pmg.sim.signals import Mask
+
+REACH = 2
+"""Thinned samples before and after a reversal that are near it."""
+
+MOST, CROWDED = 0.15, 4.0
+"""Part of the squares from which on they are said to lie near reversals, and how many times as many as elsewhere."""
+
+
+def near_reversals(speed: np.ndarray, starts: tuple[int, ...]) -> Mask:
+    """Thinned samples (n,) of a speed [SI] that are near a change of its sense, within each stretch."""
+    near = np.zeros(len(speed), dtype=np.bool_)
+    turns = np.flatnonzero(np.diff(np.sign(speed)) != 0.0) + 1
+    for turn in np.setdiff1d(turns, starts):
+        near[max(turn - REACH, 0) : turn + REACH] = True
+    return near
+
+
+def reversal_sentence(d: TermsDiagnosis) -> str:
+    """What part of what is left lies at reversals, and what else than a missing term would put it there; else empty.
+
+    Friction that holds a machine is as large as it needs to be. A rest that is shorter than the filters resolve cannot
+    be left out, and Coulomb friction is no model of it.
+    """
+    if d.verdict is not Verdict.NOT_IN_LIBRARY:
+        return ""
+    recorded, last = d.recorded, d.steps[-1]
+    squares = (recorded.force + recorded.known - last.fitted.predict(recorded)) ** 2
+    near = near_reversals(recorded.thin(recorded.motion.speed[:, None])[:, 0], recorded.starts)
+    part, share = float(near.mean()), float(squares[near].sum() / squares.sum())
+    if share < max(MOST, CROWDED * part):
+        return ""
+    reach = 1e3 * REACH * recorded.keep_every * recorded.motion.sample_time
+    return (
+        f"{share:.0%} of what is left (in squares) lies within {reach:.0f} ms of a reversal, in {part:.1%} of the "
+        "samples: a machine that sticks there for less than the low-pass resolves shows the same."
+    )
