@@ -257,7 +257,7 @@ def _verdict(
 
 
 def _least_bounds(agreed: Agreements) -> str:
-    """The smallest torque that is out of tolerance on either shaft, in brackets; empty where none is compared."""
+    """From what difference on a torque is out of tolerance, by shaft, in brackets; empty where none is compared."""
     judged = {side: agreed.of[f"torque_{side}"] for side in SIDES}
     if not all(each.compared.any() for each in judged.values()):
         return ""

@@ -35,10 +35,12 @@ def asked_in_motion(store: Path, campaign: str | None) -> str | None:
     """
     analysed = analysed_campaign(store)
     moving = campaign_in_motion(store, campaign or analysed)
-    if moving is not None or campaign is None or analysed in {None, campaign}:
+    if moving is not None or campaign is None or campaign == analysed:
         return moving
-    known = campaigns(Store(store).manifests())
-    if campaign not in known:
+    known = {*(campaigns(Store(store).manifests()) if (store / MARK).is_file() else ()), *filter(None, [analysed])}
+    if known and campaign not in known:
         raise StoreError(str(store), f"no campaign '{campaign}'", "one of the store's", near_miss(campaign, known))
+    if analysed is None:
+        return None
     do = f"Analyse it first: pmg analyse --store {shlex.quote(str(store))} --campaign {shlex.quote(campaign)}"
     raise StoreError(str(store), f"the analysis of campaign '{analysed}'", f"that of '{campaign}'", do)

@@ -128,12 +128,17 @@ def _above_band(angle: Array, rate: float, above: Callable[[Array, float], Mask]
 
 
 def _middle_density(density: Array, seconds: float) -> float:
-    r"""Mean of a white density that Welch's method gives, by its median, which lines do not lift.
+    """Mean of a white density that Welch's method gives in pieces of a second, by its median: lines do not lift it."""
+    return float(np.median(density)) / median_over_mean(max((2.0 * seconds - 1.0) / 1.06, 1.0))
+
+
+def median_over_mean(pieces: float) -> float:
+    r"""Median over mean of a white density that Welch's method gives from some pieces.
 
     Notes
     -----
-    Pieces of a second that overlap by half count as K = 2 T - 1 less 5 %, each with two degrees of freedom; the median
-    of chi square with n of them is :math:`(1 - 2/9n)^3` times its mean (Wilson and Hilferty).
+    Pieces of length L that overlap by half count as 2 T / L - 1 less 5 % where they are averaged, each with two degrees
+    of freedom; the median of chi square with n of them is :math:`(1 - 2/9n)^3` times its mean (Wilson and Hilferty).
+    Where the median of the pieces is taken, which scatters more, T / L count: to 4 % from four lengths on, by draws.
     """
-    freedom = 2.0 * max((2.0 * seconds - 1.0) / 1.06, 1.0)
-    return float(np.median(density)) / (1.0 - 2.0 / (9.0 * freedom)) ** 3
+    return float((1.0 - 1.0 / (9.0 * pieces)) ** 3)

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import fftconvolve, firwin, welch
 
-from pmg.pipeline.motion.angle_noise import angle_density, common_density
+from pmg.pipeline.motion.angle_noise import angle_density, common_density, median_over_mean
+from pmg.sim.errors import FitError
 from pmg.sim.shafts import PerShaft, per_shaft
 from pmg.sim.signals import REVOLUTION
 
@@ -30,6 +31,9 @@ BAND, HALF = 28.0, 0.12
 
 STENCIL = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0
 """Weights of the central difference of the sixth order."""
+
+LEAST_RATE = 250.0
+"""Least samples a second of which noise can be told above the band of the rows [1/s]."""
 
 PIECE = 0.25
 """Length of the pieces of a record of which the noise of its torque is told [s]."""
@@ -166,7 +170,15 @@ def smooth(run: MovingRun) -> SmoothRun:
     between signals. A torque that is no linear function of them is worked out at the fine samples, whose filter is
     flat over the band, and then low-passed like the rest. A missing stretch of a signal (NaN) is bridged by a straight
     line, and its rows are NaN.
+
+    Raises
+    ------
+    FitError
+        The run has fewer than `LEAST_RATE` samples a second.
     """
+    if run.rate < LEAST_RATE:
+        came, do = f"{run.rate:g} samples a second", "Record faster, or leave the run out."
+        raise FitError(run.name, came, f"{LEAST_RATE:g} or more, so that noise shows above the band of the rows", do)
     step = max(round(run.rate / FINE_RATE), 1)
     weights = _low_pass(FINE_BAND, FINE_HALF, run.rate)
     half = len(weights) // 2
@@ -261,8 +273,9 @@ def _white_density(torque: Array, rate: float) -> float:
 
     It is that of most pieces of the record, as a load that changes at once has power at every frequency for a moment.
     """
-    frequency, density = welch(torque, rate, nperseg=min(round(PIECE * rate), len(torque)), average="median")
-    return float(np.median(density[_above(frequency, rate)]))
+    piece = min(round(PIECE * rate), len(torque))
+    frequency, density = welch(torque, rate, nperseg=piece, average="median")
+    return float(np.median(density[_above(frequency, rate)])) / median_over_mean(len(torque) / piece)
 
 
 def _above(frequency: Array, rate: float) -> Mask:

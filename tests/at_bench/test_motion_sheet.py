@@ -105,8 +105,15 @@ def test_a_run_that_shows_several_is_made_once_and_comes_from_the_command(
     monkeypatch.setattr(next_sheet, "asked_in_motion", lambda *_: "c")
     monkeypatch.setattr(next_sheet, "Store", lambda path: path)
     monkeypatch.setattr(next_sheet, "moving_runs", lambda *_: ())
-    monkeypatch.setattr(next_sheet, "diagnose_runs", lambda *_: (_diagnosis(*runs), None, None))
-    done = next_sheet.run_next(tmp_path, tmp_path / "out")
+    given = []
+
+    def diagnosed(store: Path, campaign: str, runs_: object, model: Path | None) -> tuple[Any, None, None]:
+        given.append((store, campaign, model))
+        return _diagnosis(*runs), None, None
+
+    monkeypatch.setattr(next_sheet, "diagnose_runs", diagnosed)
+    done = next_sheet.run_next(tmp_path, tmp_path / "out", "c", tmp_path / "model.toml")
+    assert given == [(tmp_path, "c", tmp_path / "model.toml")]
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"next.html", "next.csv"}
     assert done.data["runs"] == 1
     monkeypatch.setattr(next_sheet, "diagnose_runs", lambda *_: (_diagnosis(), None, None))

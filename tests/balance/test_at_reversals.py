@@ -19,9 +19,9 @@ def _diagnosis(left: Array, verdict: Verdict = Verdict.NOT_IN_LIBRARY) -> Any:  
     recorded = SimpleNamespace(
         force=left,
         known=0.0,
-        thin=lambda columns: columns,
+        at_rows=lambda values: values,
         motion=SimpleNamespace(speed=SPEED, sample_time=0.001),
-        starts=(0,),
+        breaks=(0,),
         keep_every=10,
     )
     fitted = SimpleNamespace(predict=lambda _: np.zeros(len(left)))
@@ -32,6 +32,8 @@ def test_samples_near_a_change_of_sense_are_near_a_reversal() -> None:
     near = near_reversals(np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0]), (0, 8))
     assert np.flatnonzero(near).tolist() == [2, 3, 4, 5]  # the recording that begins with the ninth turns nothing
     assert near.sum() == 2 * REACH
+    beside_the_end = near_reversals(np.array([1.0, 1.0, -1.0, -1.0, -1.0]), (0, 3))
+    assert np.flatnonzero(beside_the_end).tolist() == [0, 1, 2]
 
 
 @pytest.mark.parametrize(("spike", "told"), [(0.0, False), (0.1, False), (3.0, True)])

@@ -52,3 +52,18 @@ def test_one_that_is_not_analysed_is_asked_for_in_vain(store: Path) -> None:
 def test_one_that_is_not_there_is_told_with_the_nearest(store: Path) -> None:
     with pytest.raises(StoreError, match=r"no campaign 'gird'.*Did you mean 'grid'"):
         asked_in_motion(store, "gird")
+
+
+def test_without_an_analysis_a_name_is_still_held_against_the_store(
+    store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(campaign_asked, "analysed_campaign", lambda _: None)
+    assert asked_in_motion(store, "grid") is None  # it is to be analysed first, as reading the analysis says
+    with pytest.raises(StoreError, match="no campaign 'typo'"):
+        asked_in_motion(store, "typo")
+
+
+def test_of_published_grids_the_analysed_campaign_is_known(store: Path) -> None:
+    (store / MARK).unlink()
+    with pytest.raises(StoreError, match=r"no campaign 'gri'.*Did you mean 'grid'"):
+        asked_in_motion(store, "gri")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -9,8 +10,9 @@ import pytest
 from scipy.signal import fftconvolve, lfilter
 
 from pmg.pipeline.motion.run import MovingRun
-from pmg.pipeline.motion.smooth import row_weights, smooth
+from pmg.pipeline.motion.smooth import _white_density, row_weights, smooth
 from pmg.pipeline.recording.run_records import Manoeuvre
+from pmg.sim.errors import FitError
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import PerShaft
 from pmg.sim.signals import Array
@@ -81,3 +83,17 @@ def test_a_load_that_changes_at_once_is_no_noise_of_the_torque() -> None:
     read = load + WHITE * rng.standard_normal(len(time))
     told = smooth(_run(read, 30.0 * time)).shafts.sun.density
     assert told == pytest.approx(2.0 * WHITE**2 / RATE, rel=0.05)
+
+
+@pytest.mark.parametrize("length", [1.0, 2.0, 25.0])
+@pytest.mark.parametrize("rate", [500.0, 1000.0, 2000.0])
+def test_the_noise_of_a_torque_is_told_of_short_records_too(rate: float, length: float) -> None:
+    rng = np.random.default_rng(11)
+    told = [_white_density(WHITE * rng.standard_normal(round(length * rate)), rate) for _ in range(200)]
+    assert np.mean(told) == pytest.approx(2.0 * WHITE**2 / rate, rel=0.04)
+
+
+def test_a_rate_that_shows_no_noise_above_the_band_is_refused() -> None:
+    still = np.zeros(4000)
+    with pytest.raises(FitError, match="200 samples a second"):
+        smooth(replace(_run(still, still), rate=200.0))

@@ -162,8 +162,8 @@ def _models(d: TermsDiagnosis) -> Section:
     gains = more.gains
     best = f"; none lowered the error on the withheld record by more than {percent(max(gains))}" if gains else ""
     texts.append(
-        f"{more.tried} decoys (columns of the library, phases drawn at random) were offered after the named terms: "
-        f"the best brought evidence {more.most_evidence:.0f}, which a refinement must exceed{best}."
+        f"{more.tried} decoys (columns of the library, phases drawn at random) were offered after these terms: the "
+        f"best brought evidence {more.most_evidence:.0f}, which a refinement must exceed{best}."
     )
     words, title = Text("\n\n".join(texts)), "Models and their errors"
     return Section("terms-models-section", title, (words, table, *low_passes_table(d)))
@@ -176,7 +176,7 @@ def _estimated(e: Estimate) -> tuple[Cell, ...]:
 
 def _parameters(d: TermsDiagnosis) -> Section:
     published = {(p.term, p.parameter): p.value for p in d.case.published}
-    sets = [("named terms", d.steps[-1].fitted.estimates)]
+    sets = [(f"{d.last_word} terms", d.steps[-1].fitted.estimates)]
     sets += [("refined", _last(d).fitted.estimates)] if d.refinements else []
     sets += [("beside the named", contest.given_named) for contest in d.contests]
     rows: list[tuple[Cell, ...]] = [
@@ -205,7 +205,7 @@ def _parameters(d: TermsDiagnosis) -> Section:
     absorbed = Table(
         "terms-absorbed",
         "What the baseline had absorbed",
-        "Parameters of the baseline alone and beside the named terms.",
+        f"Parameters of the baseline alone and beside the {d.last_word} terms.",
         (Column("parameter", "Parameter"), Column("before", "Before", format=".5g"), Column("after", "After")),
         swallowed,
     )

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def residuals_figure(d: TermsDiagnosis) -> Figure:
     """Each model's residual over time."""
     truth, time = d.recorded.force + d.recorded.known, d.recorded.time
-    models = [("baseline", d.steps[0]), ("with the named terms", d.steps[-1])]
+    models = [("baseline", d.steps[0]), (f"with the {d.last_word} terms", d.steps[-1])]
     if d.refinements:
         models.append(("refined", (d.refinements or d.steps)[-1]))
     panels = []
@@ -49,7 +49,7 @@ def friction_figure(d: TermsDiagnosis) -> Figure:
     inertia = next((e.value for e in named.fitted.estimates if e.term == "inertia"), d.case.fixed.get("inertia", 0.0))
     truth, pull = recorded.force + recorded.known, inertia * acceleration
     series = [Series("measured", speed, truth - pull, None, "markers", 0)]
-    for colour, (name, step) in enumerate((("baseline", d.steps[0]), ("named terms", named)), start=1):
+    for colour, (name, step) in enumerate((("baseline", d.steps[0]), (f"{d.last_word} terms", named)), start=1):
         x, y = mean_over(speed, step.fitted.predict(recorded) - pull)
         series.append(Series(name, x, y, None, "line", colour))
     return Figure(

@@ -10,22 +10,23 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
-    from pmg.sim.signals import Mask
+    from pmg.sim.signals import Array, Mask
 
 REACH = 2
 """Thinned samples before and after a reversal that are near it."""
 
 MOST, CROWDED = 0.15, 4.0
-"""Part of the squares from which on they are said to lie near reversals, and how many times as many as elsewhere."""
+"""Part of the squares from which on they are said to lie near reversals, and over the part of the samples there."""
 
 
-def near_reversals(speed: np.ndarray, starts: tuple[int, ...]) -> Mask:
-    """Thinned samples (n,) of a speed [SI] that are near a change of its sense, within each stretch."""
-    near = np.zeros(len(speed), dtype=np.bool_)
-    turns = np.flatnonzero(np.diff(np.sign(speed)) != 0.0) + 1
-    for turn in np.setdiff1d(turns, starts):
-        near[max(turn - REACH, 0) : turn + REACH] = True
-    return near
+def near_reversals(speed: Array, breaks: tuple[int, ...]) -> Mask:
+    """Thinned samples (n,) of a speed [SI] that are near a change of its sense, within each stretch without a rest."""
+    near = []
+    for part in np.split(speed, [each for each in breaks if each]):
+        near.append(np.zeros(len(part), dtype=np.bool_))
+        for turn in np.flatnonzero(np.diff(np.sign(part)) != 0.0) + 1:
+            near[-1][max(turn - REACH, 0) : turn + REACH] = True
+    return np.concatenate(near)
 
 
 def reversal_sentence(d: TermsDiagnosis) -> str:
@@ -38,8 +39,8 @@ def reversal_sentence(d: TermsDiagnosis) -> str:
         return ""
     recorded, last = d.recorded, d.steps[-1]
     squares = (recorded.force + recorded.known - last.fitted.predict(recorded)) ** 2
-    near = near_reversals(recorded.thin(recorded.motion.speed[:, None])[:, 0], recorded.starts)
-    part, share = float(near.mean()), float(squares[near].sum() / squares.sum())
+    near = near_reversals(recorded.at_rows(recorded.motion.speed), recorded.breaks)
+    part, share = float(near.mean()), float(squares[near].sum() / max(squares.sum(), np.finfo(np.float64).tiny))
     if share < max(MOST, CROWDED * part):
         return ""
     reach = 1e3 * REACH * recorded.keep_every * recorded.motion.sample_time

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.diagnosis.grid.remedy import percent
+from pmg.pipeline.diagnosis.grid.remedy import power_words
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.plurals import uncapitalised
 from pmg.sim.mechanisms.base import LawCovariate
@@ -66,7 +66,7 @@ def form_sentences(diagnosis: Diagnosis) -> str:
         if test is not None:
             sentences.append(
                 f"To tell: {test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). "
-                f"It tells with {percent(test.power)} probability."
+                f"It tells with {power_words(test.power)} probability."
             )
     return " ".join(sentences)
 

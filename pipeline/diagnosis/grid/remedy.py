@@ -85,17 +85,18 @@ def lifting(diagnosis: Diagnosis) -> str:
         return "Repeat points spread over the grid, in random order."
     sizes = " and ".join(f"{HIDDEN * diagnosis.floor[side].u / MILLI:.1f} mN m ({side})" for side in diagnosis.blind)
     drift = f"a drift of {HIDDEN:g} times the repeatability, {sizes} rms,"
-    power = f"It would show {drift} with {percent(test.power)} probability; a smaller one less often."
+    power = f"It would show {drift} with {power_words(test.power)} probability; a smaller one less often."
     return f"{test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). {power}"
-
-
-def percent(power: float) -> str:
-    """A power in per cent; nothing is certain."""
-    return f"{power:.0%}" if power <= SURE else f"over {SURE:.0%}"
 
 
 SURE = 0.99
 """Power above which its digits have no meaning."""
+
+
+def power_words(power: float) -> str:
+    """A power in per cent; nothing is certain."""
+    return f"{power:.0%}" if power <= SURE else f"over {SURE:.0%}"
+
 
 LIKELY = 0.5
 """Power below which a test more often fails than not."""
@@ -109,7 +110,7 @@ def words_of_test(test: NextTest, does: str = APART) -> str:
     """A test with its bench time, what it `does` and its power, as a sentence."""
     plan, minutes = test.plan, f"{test.plan.seconds / MINUTE:.0f} min"
     weak = " Too weak to rely on: it is the best of those known." if test.power < LIKELY else ""
-    return f"{plan.description} ({minutes}; {percent(test.power)} likely to {does}).{weak}"
+    return f"{plan.description} ({minutes}; {power_words(test.power)} likely to {does}).{weak}"
 
 
 def best_test(tests: tuple[NextTest, ...]) -> NextTest:

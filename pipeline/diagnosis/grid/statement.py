@@ -284,7 +284,7 @@ def held_out(diagnosis: Diagnosis) -> str:
     if (shape := diagnosis.shape) is not None:
         before, after = (rmse * 1e3 for rmse in (shape.held_out.rmse_before, shape.held_out.rmse_after))
         drop = f"drops from {before:.2f} to {after:.2f} mN m"
-        return f"With an empirical formula, the error on data not used for the fit {drop}."
+        return f"With a fitted curve, the error on data not used for the fit {drop}."
     held = diagnosis.held_out
     if held is None:
         return ""

@@ -60,7 +60,7 @@ RECORD = {
         "a difference too weak to name its cause, or none proved", "The truth was among those given", 68, 70
     ),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", '"No known cause" was right', 109, 114
+        "no known cause given, with those that come near", "The cause was unknown or the closest", 109, 114
     ),
 }
 """From the trial of 600 campaigns in ``pipeline/trials/README.md``; sizes, causes and designs as drawn there."""
@@ -73,7 +73,7 @@ IN_MOTION = {
         "a difference too weak to name its cause, or none proved", "The truth was among those given", 8, 9
     ),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", '"No known cause" was right', 24, 25
+        "no known cause given, with those that come near", "The cause was unknown or the closest", 24, 25
     ),
 }
 """The same of runs in motion, from the trial of 240 campaigns in ``pipeline/trials/motion/README.md``."""
@@ -83,7 +83,7 @@ OF_MACHINES = {
     "named": TrackRecord("a cause named", "The cause named was right", 53, 54),
     "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 20, 22),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", '"No known cause" was right', 31, 34
+        "no known cause given, with those that come near", "The cause was unknown or the closest", 31, 34
     ),
 }
 """The same of other machines, from the trial of 160 campaigns in ``pipeline/trials/machines/README.md``."""

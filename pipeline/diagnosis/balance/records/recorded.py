@@ -142,14 +142,14 @@ class Recorded:
     @property
     def time(self) -> Array:
         """Time of the thinned samples [s]."""
-        return self._kept(self.motion.time)
+        return self.at_rows(self.motion.time)
 
     @property
     def elapsed(self) -> Array:
         """Time of the thinned samples since their recording began [s]."""
-        return self._kept(self.motion.elapsed)
+        return self.at_rows(self.motion.elapsed)
 
-    def _kept(self, values: Array) -> Array:
+    def at_rows(self, values: Array) -> Array:
         """Values at the thinned samples, not filtered."""
         parts = zip(np.split(values, self.motion.starts[1:]), self._used, strict=True)
         return np.concatenate([part[:: self.keep_every][used] for part, used in parts])

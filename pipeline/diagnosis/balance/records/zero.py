@@ -80,23 +80,23 @@ def with_zero(case: Case, file: TableFile[Any]) -> Case:
     errors = {kind: _error(means[:, k], variances[:, k]) for k, kind in enumerate(kinds)}
     names = Findings(", ".join(path.name for path in case.zero))
     found = replace(case, tares=tares, tare_errors=errors)
-    for name, zero in _taken_out(found).items():
+    for name, zero in _taken_out(found):
         names.info(Code.CHANNEL_VALUE, name, f"at rest: {zero}", "Nothing to do.")
     (term,) = (term for term in case.library if term.key == ZERO)
     known = (*case.known, SetTerm(term, np.zeros(1), error=_error(means @ shares, variances @ shares**2)))
     return replace(found, known=known, findings=(*findings, *names.listed()))
 
 
-def _taken_out(case: Case) -> dict[str, str]:
-    """What is taken out of each channel that has a zero, in words."""
+def _taken_out(case: Case) -> list[tuple[str, str]]:
+    """Each channel that has a zero, and what is taken out of it in words; both torques may be called the same."""
     sizes = ((kind, f"{tare:.4g} ± {case.tare_errors[kind]:.2g} {case.axis.push}") for kind, tare in case.tares.items())
-    return {case.channels[kind][0].name: f"the zero, {size}, is taken out" for kind, size in sizes}
+    return [(case.channels[kind][0].name, f"the zero, {size}, is taken out") for kind, size in sizes]
 
 
 def zero_lines(case: Case) -> list[str]:
     """What recordings at rest take out of each channel, a line each; none without such recordings."""
     files = ", ".join(path.name for path in case.zero)
-    return [f"{files}: at rest; {name}: {told}" for name, told in _taken_out(case).items()]
+    return [f"{files}: at rest; {name}: {told}" for name, told in _taken_out(case)]
 
 
 def words_of_zero(case: Case) -> str:
