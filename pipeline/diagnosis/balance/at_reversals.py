@@ -19,7 +19,7 @@ MOST, CROWDED = 0.15, 4.0
 """Part of the squares from which on they are said to lie near reversals, and over the part of the samples there."""
 
 
-def near_reversals(speed: Array, breaks: tuple[int, ...]) -> Mask:
+def _near_reversals(speed: Array, breaks: tuple[int, ...]) -> Mask:
     """Thinned samples (n,) of a speed [SI] that are near a change of its sense, within each stretch without a rest."""
     near = []
     for part in np.split(speed, [each for each in breaks if each]):
@@ -39,7 +39,7 @@ def reversal_sentence(d: TermsDiagnosis) -> str:
         return ""
     recorded, last = d.recorded, d.steps[-1]
     squares = (recorded.force + recorded.known - last.fitted.predict(recorded)) ** 2
-    near = near_reversals(recorded.at_rows(recorded.motion.speed), recorded.breaks)
+    near = _near_reversals(recorded.at_rows(recorded.motion.speed), recorded.breaks)
     part, share = float(near.mean()), float(squares[near].sum() / max(squares.sum(), np.finfo(np.float64).tiny))
     if share < max(MOST, CROWDED * part):
         return ""
