@@ -261,5 +261,5 @@ def _least_bounds(agreed: Agreements) -> str:
     judged = {side: agreed.of[f"torque_{side}"] for side in SIDES}
     if not all(each.compared.any() for each in judged.values()):
         return ""
-    least = (f"{np.min(each.bound[each.compared]) / MILLI:.3g} mN m {side}" for side, each in judged.items())
-    return f" (from {', '.join(least)})"
+    least = (f"{side} {np.min(each.bound[each.compared]) / MILLI:.3g}" for side, each in judged.items())
+    return f" ({', '.join(least)} mN m)"

@@ -33,8 +33,7 @@ def highest_loss(found: tuple[CorrectedLosses, ...], balance: PowerBalance | Non
     as_read = _loss(float(balance.values[loss_name][i]), 2.0 * u)
     without = [(one.values[loss_name][i], np.hypot(u, one.spread[loss_name][i]), one.description) for one in found]
     others = " or ".join(f"{_loss(float(v), 2.0 * float(w))} with {fault} taken out" for v, w, fault in without)
-    holds = "The losses would hold its error" if found[0].doubtful else "The losses hold its error"
-    return f"{holds}: at {balance.grid.points.name[i]} {as_read} as read (U = 2u), {others}."
+    return f"Total loss at {balance.grid.points.name[i]}: {as_read} as read (U = 2u), {others}."
 
 
 def _loss(value: float, expanded: float) -> str:
