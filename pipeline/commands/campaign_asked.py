@@ -1,4 +1,4 @@
-"""Which campaign of a store a command is about: the one that is analysed, or one that holds runs in motion alone."""
+"""The campaign of a store that a command works on: the analysed one, or one that holds runs in motion only."""
 
 from __future__ import annotations
 

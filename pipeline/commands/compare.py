@@ -265,8 +265,8 @@ def campaign_page(
         faults=faults,
     )
     if faults and analysis.balance is not None:
-        told = f"{sensor_fault_warning(faults)} {highest_loss(faults, analysis.balance)}"
-        remarks += (Remark("warning", "losses", told),)
+        message = f"{sensor_fault_warning(faults)} {highest_loss(faults, analysis.balance)}"
+        remarks += (Remark("warning", "losses", message),)
     return page, remarks
 
 

@@ -17,14 +17,12 @@ SPEED = 10.0 * np.sin(2.0 * np.pi * np.arange(4000) / 400.0 + 0.1)
 
 def _diagnosis(left: Array, verdict: Verdict = Verdict.NOT_IN_LIBRARY) -> Any:  # noqa: ANN401 - stands for a diagnosis
     recorded = SimpleNamespace(
-        force=left,
-        known=0.0,
         at_rows=lambda values: values,
         motion=SimpleNamespace(speed=SPEED, sample_time=0.001),
         breaks=(0,),
         keep_every=10,
     )
-    fitted = SimpleNamespace(predict=lambda _: np.zeros(len(left)))
+    fitted = SimpleNamespace(left=lambda _: left)
     return SimpleNamespace(verdict=verdict, recorded=recorded, steps=[SimpleNamespace(fitted=fitted)])
 
 

@@ -205,7 +205,7 @@ def _parameters(d: TermsDiagnosis) -> Section:
     absorbed = Table(
         "terms-absorbed",
         "What the baseline had absorbed",
-        f"Parameters of the baseline alone and beside the {d.last_word} terms.",
+        f"Parameters of the baseline alone, and fitted together with the {d.last_word} terms.",
         (Column("parameter", "Parameter"), Column("before", "Before", format=".5g"), Column("after", "After")),
         swallowed,
     )

@@ -65,13 +65,13 @@ def _parts(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> tuple[MachinePa
 
 def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool) -> Iterator[SheetAnswer]:
     first, last, push = d.steps[0], d.steps[-1], d.case.axis.push
-    title = TITLES.get(d.verdict, headline(d)).rstrip(".")
+    title = (TITLES.get(d.verdict) or headline(d)).rstrip(".")
     if d.verdict is Verdict.NAMED:
         title += f": {' together with '.join(cause.title for cause in causes)}"
     yield SheetAnswer("Verdict", (f"{title}.",), GROUNDS)
     noise = f"noise is {d.noise.noise.standard_deviation:.3g} {push}"
     if d.mismatch.found:
-        rms = float(np.sqrt(np.mean(_missing(d, first) ** 2)))
+        rms = float(np.sqrt(np.mean(first.fitted.left(d.recorded) ** 2)))
         places = ", ".join(place.name for place in d.mismatch.locations[:2])
         where = f" It follows {places}." if places else ""
         off = f"The balance is off by {rms:.3g} {push} rms; {noise}.{where}"
@@ -164,10 +164,6 @@ def _tests(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[str]:
         yield "Look at what the residual follows (residuals.csv), and record a run that sweeps it."
 
 
-def _missing(d: TermsDiagnosis, step: ModelStep) -> Array:
-    return np.asarray(d.recorded.force + d.recorded.known - step.fitted.predict(d.recorded))
-
-
 def _costs(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[str]:
     """Power by which a model without the cause is wrong."""
     speed = d.recorded.thin(d.recorded.motion.speed[:, None])[:, 0]
@@ -182,9 +178,9 @@ def _costs(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[str
 def _picture(d: TermsDiagnosis) -> Figure:
     """Residual before and after, in the stretch where what was named takes most of it, or where most of it is."""
     first, last, push = d.steps[0], d.steps[-1], d.case.axis.push
-    stages = [("plain model", _missing(d, first), 1)]
+    stages = [("plain model", first.fitted.left(d.recorded), 1)]
     if last is not first:
-        stages.append((WITH[d.last_word], _missing(d, last), 0))
+        stages.append((WITH[d.last_word], last.fitted.left(d.recorded), 0))
     shown, name = _clearest(d, stages[0][1] ** 2 - (stages[1][1] ** 2 if len(stages) > 1 else 0.0))
     time, u = d.recorded.elapsed[shown], d.noise.noise.standard_deviation
     ends = np.array([float(time[0]), float(time[-1])])

@@ -202,7 +202,7 @@ def _residual_table(diagnosis: TermsDiagnosis) -> str:
     last = (diagnosis.refinements or diagnosis.steps)[-1]
     models = (diagnosis.steps[0], diagnosis.steps[-1], last)
     motion = recorded.thin(np.c_[recorded.motion.position, recorded.motion.speed, recorded.motion.acceleration])
-    columns = np.c_[recorded.elapsed, motion, truth, *(truth - step.fitted.predict(recorded) for step in models)]
+    columns = np.c_[recorded.elapsed, motion, truth, *(step.fitted.left(recorded) for step in models)]
     axis = diagnosis.case.axis
     head = ["recording", "time [s]", f"position [{axis.length}]", f"speed [{axis.speed}]"]
     head += [f"acceleration [{axis.acceleration}]", f"{axis.pushes} [{axis.push}]"]

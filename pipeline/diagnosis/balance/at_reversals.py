@@ -37,8 +37,8 @@ def reversal_sentence(d: TermsDiagnosis) -> str:
     """
     if d.verdict is not Verdict.NOT_IN_LIBRARY:
         return ""
-    recorded, last = d.recorded, d.steps[-1]
-    squares = (recorded.force + recorded.known - last.fitted.predict(recorded)) ** 2
+    recorded = d.recorded
+    squares = d.steps[-1].fitted.left(recorded) ** 2
     near = _near_reversals(recorded.at_rows(recorded.motion.speed), recorded.breaks)
     part, share = float(near.mean()), float(squares[near].sum() / max(squares.sum(), np.finfo(np.float64).tiny))
     if share < max(MOST, CROWDED * part):

@@ -185,7 +185,7 @@ def _further_decoys(
 
 
 def _decoys(s: Searched, found: TermNaming, recorded: Recorded, rng: np.random.Generator) -> Decoys | None:
-    """Waves of random phase, without a meaning, offered beside the library."""
+    """Decoys: waves of random phase, which stand for no cause, offered together with the library."""
     return offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, s.noise.noise, rng))
 
 

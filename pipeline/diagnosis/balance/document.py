@@ -206,8 +206,8 @@ def headline(diagnosis: TermsDiagnosis) -> str:
             apart = "; or ".join(words or "nothing" for words in each_apart)
             head = f"Ambiguous: {sure}, and besides {apart}." if sure else f"Ambiguous: {apart}."
     main = in_the_main_sentence(diagnosis.naming, diagnosis.held_out) if diagnosis.verdict.names else ""
-    told = (*_impossible(diagnosis), head, main, reversal_sentence(diagnosis), _errors(diagnosis, first, last))
-    return " ".join(sentence for sentence in told if sentence)
+    sentences = (*_impossible(diagnosis), head, main, reversal_sentence(diagnosis), _errors(diagnosis, first, last))
+    return " ".join(sentence for sentence in sentences if sentence)
 
 
 def hanging(diagnosis: TermsDiagnosis) -> str:

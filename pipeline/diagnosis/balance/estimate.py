@@ -94,10 +94,13 @@ class FittedTerms:
         """Thinned force of a recording [N, N m], known terms included."""
         return np.asarray(recorded.known + design_of(recorded, self.baseline, self.fits) @ self.values)
 
+    def left(self, recorded: Recorded) -> Array:
+        """Thinned force of a recording less what is predicted (n,) [N, N m]."""
+        return recorded.force + recorded.known - self.predict(recorded)
+
     def relative_error(self, recorded: Recorded) -> float:
         """Root of the sum of squares of what is left, as part of `Recorded.size`."""
-        left = recorded.force + recorded.known - self.predict(recorded)
-        return float(np.linalg.norm(left) / recorded.size) if recorded.size > 0.0 else math.nan
+        return float(np.linalg.norm(self.left(recorded)) / recorded.size) if recorded.size > 0.0 else math.nan
 
 
 def impossible_in(fitted: FittedTerms) -> tuple[Estimate, ...]:

@@ -50,7 +50,7 @@ class LowPassTried:
     sizes : tuple of Estimate
         Their parameters.
     impossible : bool
-        Whether no machine has some of the values beside them.
+        Whether a fitted value is physically impossible, such as a negative mass.
     """
 
     low_pass_hz: float
