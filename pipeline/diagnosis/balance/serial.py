@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,12 +52,15 @@ class SerialNoise:
         What was new in the samples it was fitted to, in units of `sigma`; resampled by `draw`.
     starts : tuple of int
         Samples with which further recordings begin: the past tells nothing about the first ones of each.
+    spread : (n,) array
+        Standard deviation of the noise of each row, over that of rows without noise of their own; one where not given.
     """
 
     coefficients: Array
     sigma: float
     news: Array
     starts: tuple[int, ...] = ()
+    spread: Array = field(default_factory=lambda: np.ones(1))
 
     @property
     def lags(self) -> int:
@@ -69,9 +72,14 @@ class SerialNoise:
 
         The first p rows are lost; those of each further recording are zero.
         """
+        even = self.even(columns)
         return self.without_joins(
-            lfilter(np.r_[1.0, -self.coefficients], [1.0], columns, axis=0)[self.lags :] / self.sigma
+            lfilter(np.r_[1.0, -self.coefficients], [1.0], even, axis=0)[self.lags :] / self.sigma
         )
+
+    def even(self, rows: Array) -> Array:
+        """Rows (n,) or (n, c) brought to one standard deviation of noise."""
+        return np.asarray((rows.T / self.spread).T)
 
     def without_joins(self, white: Array) -> Array:
         """Whitened rows (n - p, c), those that mix two recordings zero."""

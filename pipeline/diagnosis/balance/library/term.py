@@ -23,8 +23,9 @@ time since the recording began [s], force of the terms whose amplitude is known 
 TURNED_BEFORE = "turned_before"
 """Channel of `Motion.besides`: way since the sense last changed before the recording begins [m, rad]."""
 
-NOISY = "noisy"
-"""Channel of `Motion.besides`: what is noise in the acceleration."""
+NOISY, STEPS = "noisy", "steps"
+"""Channels of `Motion.besides`: what is noise in the acceleration, and what steps of the encoder give it at each sample
+[m/s2, rad/s2]."""
 
 RECORDING, OF_NONE = "recording", -1.0
 """Channel of `Motion.besides` where no angle was recorded: the fitted recording that a sample is of, or none of them.

@@ -7,14 +7,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.case import OUTPUT
+from pmg.pipeline.diagnosis.balance.known_terms import of_its_recordings
 from pmg.pipeline.machine.axis import DEGREE
 from pmg.pipeline.recording.checks.stretches import stretches
 from pmg.pipeline.recording.findings import Code
+from pmg.sim.errors import RecordingError
 from pmg.sim.signals import REVOLUTION, RPM
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
+    from pmg.pipeline.diagnosis.balance.case import Case
+    from pmg.pipeline.diagnosis.balance.library.term import Motion
     from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
     from pmg.pipeline.recording.findings import Findings
     from pmg.sim.signals import Array
@@ -91,3 +95,23 @@ def check_limits(values: Mapping[str, Array], findings: Findings) -> None:
                 f"it stands at its {name} value, {value:.4g} N or N m, in {100.0 * share:.1f} % of the samples",
                 "A drive at its limit, or a reading that is clipped: what acts there is not what is recorded.",
             )
+
+
+def check_known(name: str, motion: Motion, case: Case) -> None:
+    """Refuse a known term that needs a channel which was not recorded, or whose size these recordings do not share."""
+    for each in case.known:
+        if missing := set(each.term.needs) - set(motion.besides):
+            came, do = f"no {' and no '.join(sorted(missing))}", f"Name the channel, or leave {each.term.key} out."
+            raise RecordingError(name, came, f"what the known term {each.term.key} needs", do)
+        if of_its_recordings(each.term, motion, each.shape):
+            came = f"the known term {each.term.key}, whose size goes with the recordings that it was found in"
+            raise RecordingError(name, came, "one that is the same in all", "Leave it out of [model.known].")
+
+
+def check_seen(name: str, free: Array, names: Sequence[str]) -> None:
+    """Refuse a term of the baseline that recordings with zeros of their own cannot show, by its column (n, k)."""
+    gone = [term for term, column in zip(names, free.T, strict=True) if not column.any()]
+    if gone:
+        came = f"{', '.join(gone)} is the same throughout each recording, as its zero"
+        do = 'Set zeros = "common", leave it out of the baseline, or record both directions.'
+        raise RecordingError(name, came, "recordings that tell it from their zeros", do)

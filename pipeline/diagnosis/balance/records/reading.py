@@ -12,6 +12,7 @@ from pmg.pipeline.diagnosis.balance.library.term import (
     NOISY,
     OUT,
     OUT_ANGLE,
+    STEPS,
     TEMPERATURE,
     TURNED_BEFORE,
     Motion,
@@ -19,7 +20,8 @@ from pmg.pipeline.diagnosis.balance.library.term import (
 from pmg.pipeline.diagnosis.balance.records.clock_of import clock_of
 from pmg.pipeline.diagnosis.balance.records.consistency import check_limits, check_motion
 from pmg.pipeline.diagnosis.balance.records.lags import with_lags
-from pmg.pipeline.diagnosis.balance.records.recorded import REST, joined, with_known
+from pmg.pipeline.diagnosis.balance.records.recorded import REST, inertia_of, joined, with_known
+from pmg.pipeline.diagnosis.balance.records.row_noise import noise_of_steps, with_row_noise
 from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
 from pmg.pipeline.diagnosis.balance.records.standing import stands
 from pmg.pipeline.diagnosis.balance.records.two_shafts import second_shaft
@@ -142,6 +144,8 @@ def _together(read: Sequence[_Read], case: Case, of: Recorded | None = None) -> 
         came = f"{left} samples once the ends that filters spoil, and where it stands, are left out"
         names = ", ".join(one.name for one in read)
         raise RecordingError(names, came, f"{fewest} or more", "Record longer, or thin less.")
+    smoother = Smoother(case.prepare, motion.sample_time)
+    found = with_row_noise(found, inertia_of(case, found.baseline), smoother)
     return with_lags(found, case) if of is None else found
 
 
@@ -215,6 +219,8 @@ def _moved(
         values, load = second_shaft(values, case, findings)
         besides[OUT] = smoother.smoothed_further(load)
     position, speed, noise = smoother.moved(values.get("position"), values.get("velocity"))
+    if "velocity" not in values:
+        besides[STEPS] = noise_of_steps(values["position"], position, smoother)
     if case.ratio is not None:
         besides[OUT_ANGLE] = position / case.ratio
     besides[ELAPSED] = time - begun

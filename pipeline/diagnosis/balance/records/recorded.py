@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import butter, cheby1, sosfiltfilt
+from scipy.signal import butter, sosfiltfilt
 
 from pmg.pipeline.diagnosis.balance.case import OUTPUT
-from pmg.pipeline.diagnosis.balance.known_terms import of_its_recordings
 from pmg.pipeline.diagnosis.balance.library.term import KNOWN, NOISY, OF_NONE, OUT, RECORDING, Motion
-from pmg.pipeline.diagnosis.balance.records.smoothing import DECIMATION
+from pmg.pipeline.diagnosis.balance.records.consistency import check_known, check_seen
+from pmg.pipeline.diagnosis.balance.records.smoothing import DECIMATION, kept
 from pmg.pipeline.diagnosis.balance.records.standing import moves, rest_findings
-from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -69,6 +67,8 @@ class Recorded:
         Amplitudes of the free terms of the baseline that `Motion.modelled` is made with.
     unsure : (n, u) array
         Thinned force of known terms that have an error, a standard error of each [N, N m].
+    own_noise : (n,) array
+        Standard deviation that a row has beside the noise of all [N, N m]; empty until it is known.
     """
 
     names: tuple[str, ...]
@@ -81,11 +81,16 @@ class Recorded:
     own_zeros: bool = False
     baseline: Array = field(default_factory=lambda: np.zeros(0))
     unsure: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    own_noise: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def name(self) -> str:
         """What they are called together."""
         return self.names[0] if len(self.names) == 1 else f"{len(self.names)} recordings"
+
+    def noise_of_rows(self, shared: float) -> Array:
+        """Standard deviation of the noise of each row (n,) where all share some [N, N m]."""
+        return np.hypot(shared, self.own_noise if len(self.own_noise) else np.zeros(len(self.force)))
 
     @property
     def coasts(self) -> bool:
@@ -118,7 +123,9 @@ class Recorded:
     def thin(self, columns: Array) -> Array:
         """Every column filtered and decimated like the force (parallel filtering), within each recording."""
         parts = zip(np.split(columns, self.motion.starts[1:]), self._used, strict=True)
-        return np.concatenate([self._centred(_thinned(part, self.keep_every)[used]) for part, used in parts])
+        return np.concatenate(
+            [self._centred(kept(part, self.keep_every)[:: self.keep_every][used]) for part, used in parts]
+        )
 
     def _centred(self, columns: Array) -> Array:
         """Without their mean, where each recording has a zero of its own."""
@@ -162,7 +169,7 @@ class Recorded:
         for k, (name, used) in enumerate(zip(self.names, self._used, strict=True)):
             few = slice(*thin[k : k + 2])
             motion = m.part(slice(*ends[k : k + 2]))
-            own = {key: getattr(self, key)[few] for key in ("force", "known", "unsure")}
+            own = {key: getattr(self, key)[few] for key in ("force", "known", "unsure", "own_noise")}
             found.append(replace(self, names=(name,), motion=motion, used=used, **own))
         return tuple(found)
 
@@ -170,19 +177,6 @@ class Recorded:
 def _starts_of(lengths: Sequence[int]) -> tuple[int, ...]:
     """Place with which each of several parts begins."""
     return tuple(int(start) for start in np.cumsum([0, *lengths])[:-1])
-
-
-@cache
-def _low_pass(keep_every: int) -> Array:
-    """The filter of `scipy.signal.decimate`, as second-order sections; thousands of columns go through the same one."""
-    return np.asarray(cheby1(8, 0.05, 0.8 / keep_every, output="sos"))
-
-
-def _thinned(columns: Array, keep_every: int) -> Array:
-    """Filtered without phase and decimated along the first axis."""
-    if keep_every == 1:
-        return columns
-    return np.asarray(sosfiltfilt(_low_pass(keep_every), columns, axis=0)[::keep_every])
 
 
 def joined(motions: Sequence[Motion]) -> Motion:
@@ -208,26 +202,6 @@ def joined(motions: Sequence[Motion]) -> Motion:
         {key: whole(lambda m, key=key: m.besides[key]) for key in first.besides},  # type: ignore[misc]  # bound now
         max(motion.even_acceleration for motion in motions),
     )
-
-
-def _check_channels(recorded: Recorded, case: Case) -> None:
-    """Refuse a known term that needs a channel which was not recorded, or whose size these recordings do not share."""
-    for each in case.known:
-        if missing := set(each.term.needs) - set(recorded.motion.besides):
-            came, do = f"no {' and no '.join(sorted(missing))}", f"Name the channel, or leave {each.term.key} out."
-            raise RecordingError(recorded.name, came, f"what the known term {each.term.key} needs", do)
-        if of_its_recordings(each.term, recorded.motion, each.shape):
-            came = f"the known term {each.term.key}, whose size goes with the recordings that it was found in"
-            raise RecordingError(recorded.name, came, "one that is the same in all", "Leave it out of [model.known].")
-
-
-def _check_seen(recorded: Recorded, free: Array, names: Sequence[str]) -> None:
-    """Refuse a term of the baseline that recordings with zeros of their own cannot show."""
-    gone = [name for name, column in zip(names, free.T, strict=True) if recorded.own_zeros and not column.any()]
-    if gone:
-        came = f"{', '.join(gone)} is the same throughout each recording, as its zero"
-        do = 'Set zeros = "common", leave it out of the baseline, or record both directions.'
-        raise RecordingError(recorded.name, came, "recordings that tell it from their zeros", do)
 
 
 def _referred(motion: Motion, case: Case, of: Recorded | None) -> Motion:
@@ -273,7 +247,7 @@ def with_known(
     for key, value in case.fixed.items():
         known = known + value * columns[key]
     plain = replace(plain, motion=motion)
-    _check_channels(plain, case)
+    check_known(plain.name, motion, case)
     known = known + sum(each.of(motion) for each in case.known if not each.term.of_model)
     found = _freed(plain, case, columns, known, of)
     faults, distorted = [each for each in case.known if each.term.of_model], np.zeros_like(known)
@@ -286,15 +260,21 @@ def with_known(
     return replace(found, unsure=np.hstack([np.zeros((len(found.force), 0)), *unsure]))
 
 
+def inertia_of(case: Case, amplitudes: Array) -> float:
+    """Inertia of a baseline whose free terms have some amplitudes (k,) [kg, kg m2]; zero without one."""
+    freed = [key for key in case.baseline if key not in case.fixed]
+    return float({**case.fixed, **dict(zip(freed, amplitudes, strict=True))}.get("inertia", 0.0))
+
+
 def _freed(plain: Recorded, case: Case, columns: Mapping[str, Array], known: Array, of: Recorded | None) -> Recorded:
     """Recordings with a known force (n,) taken out, and what the baseline gives by the columns of its terms (n,)."""
     motion, freed = plain.motion, [key for key in case.baseline if key not in case.fixed]
     free = np.stack([columns[key] for key in freed], axis=1)
     few = plain.thin(np.c_[motion.force, known, free])
-    _check_seen(plain, few[:, 2:], freed)
+    if case.own_zeros:
+        check_seen(plain.name, few[:, 2:], freed)
     rest = few[:, 0] - few[:, 1]
     free_amplitudes = of.baseline if of is not None else np.asarray(np.linalg.lstsq(few[:, 2:], rest, rcond=None)[0])
-    inertia = {**case.fixed, **dict(zip(freed, free_amplitudes, strict=True))}.get("inertia", 0.0)
-    modelled = known + free @ free_amplitudes - inertia * _noisy_part(plain)
+    modelled = known + free @ free_amplitudes - inertia_of(case, free_amplitudes) * _noisy_part(plain)
     whole = replace(motion, modelled=modelled, besides={**motion.besides, KNOWN: known})
     return replace(plain, motion=whole, force=rest, known=few[:, 1], baseline=free_amplitudes)

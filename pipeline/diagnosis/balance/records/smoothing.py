@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, cheby1, sosfiltfilt
 
 if TYPE_CHECKING:
     from pmg.pipeline.machine.channel import PrepareTable
@@ -28,6 +28,17 @@ STRETCHES = 12
 
 NOISE_BEYOND = 10.0
 """Signal and noise over noise, in power, up to which all that an acceleration holds of a frequency is taken out."""
+
+
+@cache
+def _decimation(keep_every: int) -> Array:
+    """The filter of `scipy.signal.decimate`, as second-order sections; thousands of columns go through the same one."""
+    return np.asarray(cheby1(8, 0.05, 0.8 / keep_every, output="sos"))
+
+
+def kept(columns: Array, keep_every: int) -> Array:
+    """What decimation keeps of columns (n, ...) at the full rate, filtered without phase along the first axis."""
+    return columns if keep_every == 1 else np.asarray(sosfiltfilt(_decimation(keep_every), columns, axis=0))
 
 
 class Smoother:
@@ -57,8 +68,7 @@ class Smoother:
 
         The force that they explain holds its noise too: left in, it would explain itself.
         """
-        lower = butter(self.order, self._cut_off / FURTHER, fs=1.0 / self.step, output="sos")
-        return np.asarray(sosfiltfilt(lower, values))
+        return np.asarray(sosfiltfilt(self._further, values))
 
     def slope(self, values: Array) -> Array:
         """Central differences of fourth order in time (n,); zero at either end."""
@@ -70,12 +80,12 @@ class Smoother:
         """Position and speed (n,), and the standard deviations that noise gives speed and acceleration."""
         if velocity is not None:
             speed = self.smooth(velocity)
-            noise = self._noise(velocity - speed, self._weights)
+            noise = self._noise(velocity - speed, self.weights)
             path = cumulative_trapezoid(speed, dx=self.step, initial=0) if position is None else self._path(position)
             return np.asarray(path), speed, noise
         assert position is not None  # a case has one of them
         path = self._path(position)
-        return path, self.slope(path), self._noise(position - path, self.slope(self._weights))
+        return path, self.slope(path), self._noise(position - path, self.slope(self.weights))
 
     def _path(self, position: Array) -> Array:
         """The low-pass of a position (n,), from where it begins: one that stands leaves nothing to round."""
@@ -106,7 +116,7 @@ class Smoother:
         at = np.fft.rfftfreq(width, self.step)
         spectra = np.abs(np.fft.rfft(window * (stretches - stretches.mean(axis=1)[:, None]), axis=1)) ** 2
         whole = 2.0 * self.step * spectra.mean(axis=0) / float(window @ window)
-        weights = self.slope(self.slope(self._weights) if of_position else self._weights)
+        weights = self.slope(self.slope(self.weights) if of_position else self.weights)
         own = np.interp(at, np.fft.rfftfreq(len(weights), self.step), np.abs(np.fft.rfft(weights)) ** 2)
         own *= deviation**2 / max(float(np.trapezoid(own, at)), 1e-300)
         part = np.minimum(NOISE_BEYOND * own / np.maximum(whole, 1e-300), 1.0)
@@ -121,10 +131,21 @@ class Smoother:
         return white * float(np.linalg.norm(weights)), white * float(np.linalg.norm(self.slope(weights)))
 
     @cached_property
-    def _weights(self) -> Array:
+    def weights(self) -> Array:
         """Weights of the low-pass, centred."""
-        reach = max(round(SETTLED_PERIODS / self._cut_off / self.step), 8)
+        reach = max(round(SETTLED_PERIODS / self.cut_off / self.step), 8)
         return self.smooth(np.eye(1, 2 * reach + 1, reach)[0])
+
+    @cached_property
+    def _further(self) -> Array:
+        """The lower low-pass of `smoothed_further`."""
+        return np.asarray(butter(self.order, self.cut_off / FURTHER, fs=1.0 / self.step, output="sos"))
+
+    @property
+    def weights_further(self) -> Array:
+        """Weights of it, centred."""
+        reach = max(round(FURTHER * SETTLED_PERIODS / self.cut_off / self.step), 8)
+        return self.smoothed_further(np.eye(1, 2 * reach + 1, reach)[0])
 
     @property
     def settles_further(self) -> int:
@@ -132,13 +153,14 @@ class Smoother:
         return round(FURTHER * self.settles)
 
     @property
-    def _cut_off(self) -> float:
+    def cut_off(self) -> float:
+        """Cut-off [Hz]."""
         return 0.5 * (1.0 - self.beyond) / self.step
 
     @property
     def settles(self) -> int:
         """Samples at either end that the low-pass, its second derivative and the decimation spoil."""
-        bent = np.abs(self.slope(self.slope(self._weights)))
+        bent = np.abs(self.slope(self.slope(self.weights)))
         middle = len(bent) // 2
         beyond = np.cumsum(bent[middle:][::-1])[::-1] / np.sum(bent[middle:])
         own = int(np.argmax(beyond < SETTLED))

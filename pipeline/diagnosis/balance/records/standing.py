@@ -11,6 +11,8 @@ import numpy as np
 from pmg.pipeline.recording.findings import Code, Findings
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from pmg.pipeline.diagnosis.balance.library.term import Motion
     from pmg.pipeline.recording.findings import Finding
     from pmg.sim.signals import Array, Mask
@@ -45,6 +47,19 @@ def mean_speed(speed: Array) -> tuple[float, float]:
     return float(speed.mean()), max(errors)
 
 
+def rests(motion: Motion) -> Iterator[tuple[int, int]]:
+    """First sample of each stretch below the speed of rest, and the one after its last, within each recording.
+
+    A reversal that passes it from one sample to the next is a stretch of one.
+    """
+    slow = np.abs(motion.speed) < motion.rest_speed
+    slow[:-1] |= np.sign(motion.speed[:-1]) * np.sign(motion.speed[1:]) < 0.0
+    begins = np.r_[True, slow[1:] != slow[:-1]]
+    begins[list(motion.starts)] = True
+    edges = [*np.flatnonzero(begins).tolist(), len(slow)]
+    return ((first, last) for first, last in itertools.pairwise(edges) if slow[first])
+
+
 def moves(motion: Motion, spoilt: int) -> Mask:
     """Samples (n,) that tell of friction: those at which the machine does not stand; all where none would be left.
 
@@ -55,13 +70,9 @@ def moves(motion: Motion, spoilt: int) -> Mask:
     spoilt : int
         Samples before and after a rest into which filters carry what holds the machine there.
     """
-    slow = np.abs(motion.speed) < motion.rest_speed
-    begins = np.r_[True, slow[1:] != slow[:-1]]
-    begins[list(motion.starts)] = True
-    edges = [*np.flatnonzero(begins).tolist(), len(slow)]
-    found, recording = np.ones(len(slow), dtype=np.bool_), motion.first
-    for first, last in itertools.pairwise(edges):
-        long = slow[first] and (last - first) * motion.sample_time >= DWELL
+    found, recording = np.ones(len(motion.speed), dtype=np.bool_), motion.first
+    for first, last in rests(motion):
+        long = (last - first) * motion.sample_time >= DWELL
         if long and abs(float(motion.speed[first:last].mean())) < CREEPS * motion.rest_speed:
             near = slice(max(first - spoilt, 0), last + spoilt)
             found[near] &= recording[near] != recording[first]
