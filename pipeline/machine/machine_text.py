@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 THINNED_HZ = 50.0
 """Rate to which a proposed file thins the samples [Hz]."""
-BAND = 0.4
-"""Low-pass over that rate."""
+BAND = 0.64
+"""Low-pass of the motion over that rate: 1.6 times what thinning keeps of the torque, so that it cuts nothing there."""
 MOST_LEFT_OUT = 100
 """Largest decimation that a machine file takes."""
 
