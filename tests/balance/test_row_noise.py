@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from tests.balance.dry_drive import DryDrive, triangle, write_records
 
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
@@ -16,27 +17,11 @@ from pmg.pipeline.machine.channel import PrepareTable
 from pmg.pipeline.machine.machine_file import read_machine
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
     from pmg.sim.signals import Array
 
 RATE, STEP = 1000.0, 2.0 * math.pi / 65536
-MACHINE = """
-schema = "pmg.machine/1"
-title = "drive"
-source = "made up"
-[shaft.shaft]
-moves = "turns"
-[shaft.shaft.channel]
-position = { name = "angle", unit = "rad" }
-torque = { name = "torque", unit = "N m" }
-[records]
-time = { name = "time", unit = "s" }
-rate_Hz = 1000.0
-low_pass_Hz = 33
-keep_every = 20
-"""
 
 
 def _smoother() -> Smoother:
@@ -67,36 +52,11 @@ def test_a_position_without_steps_or_with_blurred_ones_has_no_noise_of_them() ->
         assert not noise_of_steps(position, smoother.smooth(position), smoother).any()
 
 
-def _dry(folder: Path, name: str, reference: Callable[[float], float], rng: np.random.Generator) -> None:
-    """A drive of 5.9 g m2 with plain dry friction of 25 mN m under a regulated speed, solved so that it sticks."""
-    inertia, viscous, dry, h = 5.9e-3, 5.6e-3, 0.025, 2e-4
-    speed, angle, integral, rows = 0.0, 0.0, 0.0, []
-    for i in range(round(40.0 / h)):
-        off = reference(i * h) - speed
-        integral += 2.0 * off * h
-        torque = 0.25 * off + integral
-        if i % 5 == 0:
-            rows.append((i * h, math.floor(angle / STEP) * STEP, torque))
-        free = speed + h / inertia * (torque - viscous * speed)
-        most = h / inertia * dry
-        speed = 0.0 if abs(free) <= most else free - math.copysign(most, free)
-        angle += speed * h
-    table = np.array(rows)
-    table[:, 2] += 0.004 * rng.standard_normal(len(table))
-    np.savetxt(folder / name, table, delimiter=",", header="time,angle,torque", comments="")
-
-
-def _triangle(most: float, slope: float) -> Callable[[float], float]:
-    return lambda t: most * 2.0 / math.pi * math.asin(math.sin(0.5 * math.pi * slope * t / most))
-
-
 def test_plain_dry_friction_that_sticks_at_reversals_is_no_mismatch(tmp_path: Path) -> None:
     """Coulomb friction is in the baseline; how long it holds the machine at each reversal is of no model's making."""
-    rng = np.random.default_rng(11)
-    for most, slope in ((20.0, 8.0), (3.0, 1.5)):
-        _dry(tmp_path, f"{slope:g}.csv", _triangle(most, slope), rng)
-    (tmp_path / "machine.toml").write_text(MACHINE, encoding="utf-8")
-    case = case_of(read_machine(tmp_path / "machine.toml"), tmp_path)
+    drive = DryDrive(5.9e-3, 5.6e-3, 0.025, 0.0, 1.0, 65536, 0.004, 0.25, 2.0)
+    runs = {"slow": triangle(20.0, 8.0), "reversals": triangle(3.0, 1.5)}
+    case = case_of(read_machine(write_records(tmp_path, drive, runs, np.random.default_rng(11))), tmp_path)
     recorded, _ = read_recordings(case)
     assert any("sticks" in finding.message for finding in recorded.findings)
     assert not search_record(case, recorded, np.random.default_rng(1)).mismatch.found
