@@ -53,7 +53,8 @@ def ringing(m: Turning) -> Array:
 
 
 def warned(done: Outcome) -> list[str]:
-    return [finding.message for finding in done.findings if finding.where == "low_pass_Hz"]
+    told = (finding for finding in done.findings if finding.where == "low_pass_Hz")
+    return [finding.message for finding in told if finding.severity != "info"]
 
 
 def run(folder: Path, torque: object) -> Outcome:

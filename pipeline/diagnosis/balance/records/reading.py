@@ -43,6 +43,9 @@ COASTS = 0.1
 KEPT = 0.4
 """Part of the thinned rate up to which the decimation keeps a force."""
 
+CLEAR, ABOVE = 1.25, 1.6
+"""Low-pass over that, from which on it cuts little of the acceleration there, and the one that is proposed."""
+
 LEAST = 40
 """Thinned samples of the shortest stretch that is used: the decimation needs 28."""
 
@@ -184,9 +187,14 @@ def _read(path: Path, case: Case) -> list[_Read]:
 
 
 def _tell_band(case: Case, rate_hz: float, findings: Findings) -> None:
-    """Tell a low-pass below what the thinned force keeps: the acceleration is cut there, and the force is not."""
+    """Tell a low-pass below what the thinned force keeps, or at its edge: the acceleration is cut there alone."""
     kept = KEPT * rate_hz / case.prepare.keep_every
-    if case.prepare.keep_every == 1 or case.prepare.low_pass_hz >= 0.99 * kept:
+    if case.prepare.keep_every == 1 or case.prepare.low_pass_hz >= CLEAR * kept:
+        return
+    if case.prepare.low_pass_hz >= 0.99 * kept:
+        message = f"low_pass_Hz = {case.prepare.low_pass_hz:g} cuts the acceleration near {kept:.4g} Hz, not the force"
+        do = f"If the machine sticks or jerks at reversals: low_pass_Hz = {ABOVE * kept:.3g}, or raise keep_every."
+        findings.info(Code.CHANNEL_VALUE, "low_pass_Hz", message, do)
         return
     message = f"low_pass_Hz = {case.prepare.low_pass_hz:g}, but the thinned force holds all up to {kept:.4g} Hz"
     do = "Raise keep_every or low_pass_Hz: what is cut in the motion alone is taken for a mismatch."
