@@ -5,23 +5,53 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
 
 if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
 def orthonormal(columns: Array, tolerance: float = 1e-6) -> Array:
-    """Orthonormal basis of the columns' span (m, r), each column first brought to unit length."""
-    length = np.linalg.norm(columns, axis=0)
-    kept = columns[:, length > 0.0] / length[length > 0.0]
-    if kept.shape[1] == 0:
+    """Orthonormal basis (m, r) of what columns (m, k) span, each first brought to unit length.
+
+    Directions whose singular value is less than `tolerance` (1e-7 at least) of the largest are left out. Made of the
+    eigenvectors of the columns' products, which is less work than singular vectors of tall columns; twice, as what they
+    make is orthogonal but for rounding over the square of the tolerance.
+
+    References
+    ----------
+    A. Stathopoulos, K. Wu, 'A block orthogonalization procedure with constant synchronization requirements', SIAM
+    Journal on Scientific Computing 23 (6), 2002, doi:10.1137/S1064827500370883.
+    """
+    basis = _unit(columns)
+    if basis.shape[1] == 0:
         return np.zeros((len(columns), 0))
-    try:
-        left, singular, _ = np.linalg.svd(kept, full_matrices=False)
-    except np.linalg.LinAlgError:  # divide and conquer fails on some columns of low rank; this way does not
-        left, singular, _ = linalg.svd(kept, full_matrices=False, lapack_driver="gesvd")
-    return left[:, singular > tolerance * singular[0]]
+    for _ in range(2):
+        values, vectors = np.linalg.eigh(basis.T @ basis)
+        told = values > tolerance**2 * values[-1]
+        basis = basis @ (vectors[:, told] / np.sqrt(values[told]))
+    return np.asarray(basis)
+
+
+def taken_out(columns: Array, values: Array, tolerance: float = 1e-6) -> tuple[Array, int]:
+    """What columns (m, k) leave of values (m,), and how many directions they span.
+
+    As by `orthonormal`, in a fraction of the time; the second turn takes out what rounding leaves of the first.
+    """
+    unit = _unit(columns)
+    if unit.shape[1] == 0:
+        return values, 0
+    sizes, vectors = np.linalg.eigh(unit.T @ unit)
+    told = sizes > tolerance**2 * sizes[-1]
+    inverse = (vectors[:, told] / sizes[told]) @ vectors[:, told].T
+    for _ in range(2):
+        values = values - unit @ (inverse @ (unit.T @ values))
+    return values, int(told.sum())
+
+
+def _unit(columns: Array) -> Array:
+    """Columns brought to unit length; those of zeros are left out."""
+    length = np.linalg.norm(columns, axis=0)
+    return np.asarray(columns[:, length > 0.0] / length[length > 0.0])
 
 
 def pseudo_inverse(columns: Array, tolerance: float = 1e-9) -> Array:

@@ -229,7 +229,8 @@ def _gains(seen: Array, left: Array, term: Term[Any]) -> Array:
         amplitude = np.clip(along / square, *term.amplitudes[0].bounds)
         return np.asarray(2.0 * amplitude * along - amplitude**2 * square)
     along = np.einsum("mga,m->ga", seen, left)
-    square = np.einsum("mga,mgb->gab", seen, seen)
+    by_shape = seen.transpose(1, 0, 2)
+    square = by_shape.transpose(0, 2, 1) @ by_shape
     ridge = np.maximum(1e-9 * np.trace(square, axis1=1, axis2=2), 1e-300)[:, None, None] * np.eye(seen.shape[2])
     return np.asarray(np.einsum("ga,ga->g", along, np.linalg.solve(square + ridge, along[:, :, None])[:, :, 0]))
 

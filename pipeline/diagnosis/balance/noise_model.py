@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.serial import fit_noise
-from pmg.pipeline.fit.span import orthonormal
+from pmg.pipeline.fit.span import orthonormal, taken_out
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -146,32 +146,40 @@ def noise_of(residual: Array, structured: Array, starts: tuple[int, ...] = (), o
     with noise of their own are divided by what that makes of theirs, which calls for the noise of the others: it is
     found in turns.
     """
+    rows = np.c_[structured, residual]
+    noise = _fitted(rows, starts)
+    for _ in range(ROUNDS):
+        noise = _fitted_anew(noise, rows)
+    found = _in_bands(noise, rows)
     if own is None or not own.any():
-        return _even_noise(residual, structured, starts)
-    least = LEAST_SHARED * float(np.median(own))
-    found = _even_noise(residual, structured, starts)
+        return found
+    least, level = LEAST_SHARED * float(np.median(own)), found.noise.sigma / noise.sigma
     for _ in range(TURNS):
-        spread = np.hypot(1.0, own / max(found.noise.standard_deviation, least))
-        found = _even_noise(residual / spread, structured / spread[:, None], starts)
+        spread = np.hypot(1.0, own / max(level * noise.standard_deviation, least))
+        even = rows / spread[:, None]
+        noise = _fitted_anew(noise, even)
+    found = _in_bands(noise, even)
     return replace(found, noise=replace(found.noise, spread=spread))
 
 
-def _even_noise(residual: Array, structured: Array, starts: tuple[int, ...]) -> NoiseModel:
-    """Noise of a record (n,) whose rows are off by as much, structure (n, k) projected out."""
-    basis = orthonormal(structured)
-    noise = fit_noise(residual - basis @ (basis.T @ residual), spent=basis.shape[1], starts=starts)
-    rows = np.c_[structured, residual]
-    for _ in range(ROUNDS):
-        basis, left = _taken_out(noise.innovations(rows))
-        noise = fit_noise(noise.coloured(left), spent=basis.shape[1], starts=starts)
-    basis, left = _taken_out(noise.whiten(rows))
+def _fitted(rows: Array, starts: tuple[int, ...]) -> SerialNoise:
+    """Noise of structure and residual (n, k + 1) whose rows are off by as much."""
+    left, rank = taken_out(rows[:, :-1], rows[:, -1])
+    return fit_noise(left, spent=rank, starts=starts)
+
+
+def _fitted_anew(noise: SerialNoise, rows: Array) -> SerialNoise:
+    """The same where the structure is taken out of what is new in each row by the noise as found before."""
+    white = noise.innovations(rows)
+    left, rank = taken_out(white[:, :-1], white[:, -1])
+    return fit_noise(noise.coloured(left), spent=rank, starts=noise.starts)
+
+
+def _in_bands(noise: SerialNoise, rows: Array) -> NoiseModel:
+    """How much of it each band of the whitened rows holds."""
+    white = noise.whiten(rows)
+    basis, last = orthonormal(white[:, :-1]), white[:, -1]
     bands = Bands.of(basis)
-    power = bands.power(left)
+    power = bands.power(last - basis @ (basis.T @ last))
     level = float(np.median(power))
     return NoiseModel(replace(noise, sigma=noise.sigma * math.sqrt(level)), bands, power / level)
-
-
-def _taken_out(rows: Array) -> tuple[Array, Array]:
-    """Basis of all columns but the last, and what it leaves of that."""
-    basis, last = orthonormal(rows[:, :-1]), rows[:, -1]
-    return basis, last - basis @ (basis.T @ last)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,13 +66,20 @@ def _carried(m: Motion, hertz: float, damping: float) -> Array:
     """
     if hertz * m.sample_time > HIGHEST:
         return m.acceleration
-    natural = 2.0 / m.sample_time * np.tan(0.5 * REVOLUTION * hertz * m.sample_time)  # as the samples have it
-    through = [2.0 * damping * natural, natural**2]
-    b, a = bilinear(through, [1.0, *through], 1.0 / m.sample_time)
+    natural = 2.0 / m.sample_time * math.tan(0.5 * REVOLUTION * hertz * m.sample_time)  # as the samples have it
+    b, a, settled = _through_spring(natural, damping, m.sample_time)
     before = round(SETTLED / (damping * natural * m.sample_time))
     found = []
     for part in np.split(m.acceleration, m.starts[1:]):
         mirrored = 2.0 * part[0] - part[before:0:-1]
-        whole, settled = np.r_[mirrored, part], lfilter_zi(b, a)
+        whole = np.r_[mirrored, part]
         found.append(lfilter(b, a, whole, zi=settled * whole[0])[0][len(mirrored) :])
     return np.concatenate(found)
+
+
+@lru_cache(maxsize=1024)
+def _through_spring(natural: float, damping: float, step: float) -> tuple[Array, Array, Array]:
+    """Filter of what a spring carries, and its state at rest; every search looks at the same frequencies."""
+    through = [2.0 * damping * natural, natural**2]
+    b, a = bilinear(through, [1.0, *through], 1.0 / step)
+    return b, a, lfilter_zi(b, a)
