@@ -34,6 +34,8 @@ from pmg.pipeline.store.manifest import Manifest
 from pmg.pipeline.store.store import Store
 from pmg.sim.bench import load_bench
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 RUNNER = CliRunner()
 
 

@@ -28,6 +28,8 @@ from pmg.pipeline.thesis_figures.rounding import FEWEST_DRAWS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 RUNNER = CliRunner()
 PUBLISHED = ROOT / "raw" / "published"
 EXAMPLE = ROOT / "raw" / "example"
