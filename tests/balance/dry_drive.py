@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.signal import lfilter
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
 
 STEP, EVERY = 2e-4, 5
 """Step of the solution [s], and how many of them are one sample."""
+
+WANDER, MEMORY = 0.05, 0.03
+"""Torque that wanders beside what the speed calls for, over dry friction, and its memory [s]: no cycle repeats to a
+count."""
 
 MACHINE = """schema = "pmg.machine/1"
 title = "drive"
@@ -67,11 +72,14 @@ class DryDrive:
     def run(self, reference: Callable[[float], float], seconds: float, rng: np.random.Generator) -> Array:
         """Time, counted angle and read torque (n, 3), where a speed is asked for [rad/s]."""
         speed, angle, integral, rows = 0.0, 0.0, 0.0, []
-        count = 2.0 * math.pi / self.counts
-        for i in range(round(seconds / STEP)):
+        count, samples = 2.0 * math.pi / self.counts, round(seconds / STEP)
+        keep = math.exp(-STEP / MEMORY)
+        fresh = WANDER * self.dry * math.sqrt(1.0 - keep * keep) * rng.standard_normal(samples)
+        wander = lfilter([1.0], [1.0, -keep], fresh)
+        for i in range(samples):
             off = reference(i * STEP) - speed
             integral += self.reset * off * STEP
-            torque = self.gain * off + integral
+            torque = self.gain * off + integral + wander[i]
             if i % EVERY == 0:
                 rows.append((i * STEP, math.floor(angle / count) * count, torque))
             free = speed + STEP / self.inertia * (torque - self.viscous * speed)

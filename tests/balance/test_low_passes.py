@@ -80,13 +80,15 @@ def test_a_cause_that_every_low_pass_names_is_told_so(tmp_path: Path) -> None:
     assert "Other low-passes" in page
 
 
-def test_a_cause_that_hangs_on_the_low_pass_is_warned_of(tmp_path: Path) -> None:
-    """At twice the low-pass the ringing comes in, and another friction seems to be there."""
+def test_ringing_that_twice_the_low_pass_lets_in_changes_nothing_of_what_is_named(tmp_path: Path) -> None:
     done = run(tmp_path, ringing)
-    (warning,) = warned(done)
-    assert warning.startswith("It hangs on the low-pass of 20 Hz: at 10 Hz the search says the same; at 40 Hz ")
-    assert "Stribeck" in warning
-    assert "below the first resonance" in warning
+    assert not warned(done)
+    found = json.loads((tmp_path / "out" / "terms.json").read_text())
+    assert [cause["id"] for cause in found["causes"]] == ["coulomb"]
+    assert [(each["low_pass_Hz"], each["best"]) for each in found["low_passes"]] == [
+        (10.0, ["coulomb"]),
+        (40.0, ["coulomb"]),
+    ]
 
 
 def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts() -> None:

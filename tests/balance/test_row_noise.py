@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from tests.balance.dry_drive import DryDrive, triangle, write_records
+from tests.balance.dry_drive import DryDrive, sweep, triangle, write_records
 
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
@@ -53,9 +53,9 @@ def test_a_position_without_steps_or_with_blurred_ones_has_no_noise_of_them() ->
 
 
 def test_plain_dry_friction_that_sticks_at_reversals_is_no_mismatch(tmp_path: Path) -> None:
-    """Coulomb friction is in the baseline; how long it holds the machine at each reversal is of no model's making."""
-    drive = DryDrive(5.9e-3, 5.6e-3, 0.025, 0.0, 1.0, 65536, 0.004, 0.25, 2.0)
-    runs = {"slow": triangle(20.0, 8.0), "reversals": triangle(3.0, 1.5)}
+    """Friction is free; how long it holds the machine, and how a low-pass rounds off its kinks, no cause explains."""
+    drive = DryDrive(1.1e-3, 8e-4, 6e-3, 0.0, 1.0, 4096, 3.2e-4, 0.06, 0.34)
+    runs = {"slow": triangle(20.0, 8.0), "reversals": triangle(3.0, 1.5), "sweep": sweep(30.0, 0.1, 3.0, 40.0)}
     case = case_of(read_machine(write_records(tmp_path, drive, runs, np.random.default_rng(11))), tmp_path)
     recorded, _ = read_recordings(case)
     assert any("sticks" in finding.message for finding in recorded.findings)

@@ -15,11 +15,11 @@ from tests.balance.test_any_machine import diagnosed, dry, named
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.catalogue import IN_THE_MAIN
 from pmg.pipeline.diagnosis.balance.document import headline
-from pmg.pipeline.diagnosis.balance.estimate import reversals
 from pmg.pipeline.diagnosis.balance.library.drive import ROTARY_DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import HOW_MANY, LAG, OF_NONE, RECORDING, TURNED_BEFORE, Motion
 from pmg.pipeline.diagnosis.balance.records.reading import _turned_before
 from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
+from pmg.pipeline.diagnosis.balance.records.reversals import reversals
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -98,7 +98,9 @@ def test_a_machine_that_turns_one_way_has_no_reversals() -> None:
     for position, columns in ((3.0 * t + 0.1 * np.sin(t), 0), (np.sin(3.0 * t), 3)):
         motion = moving(position, {})
         recorded = Recorded(("made",), motion, 4, np.ones(1000, dtype=np.bool_), motion.force, motion.force)
-        assert reversals(recorded).shape == (1000, columns)
+        assert reversals(recorded, ()).shape == (1000, columns)
+        # 13 ms after a turn, at 9 rad/s2, it has passed 0.1 mrad
+        assert reversals(recorded, (1e-5, 1e-3)).shape == (1000, columns + (columns > 0))
 
 
 # --- drives that fade, waves without an angle --------------------------------------------------------------

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.at_reversals import reversal_sentence
 from pmg.pipeline.diagnosis.balance.causes import named_causes, near_causes
 from pmg.pipeline.diagnosis.balance.document import hanging, headline, percent
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_sentence
@@ -74,8 +73,7 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
         rms = float(np.sqrt(np.mean(first.fitted.left(d.recorded) ** 2)))
         places = ", ".join(place.name for place in d.mismatch.locations[:2])
         where = f" It follows {places}." if places else ""
-        off = f"The balance is off by {rms:.3g} {push} rms; {noise}.{where}"
-        yield SheetAnswer("What differs", tuple(filter(None, (off, reversal_sentence(d)))), MODELS)
+        yield SheetAnswer("What differs", (f"The balance is off by {rms:.3g} {push} rms; {noise}.{where}",), MODELS)
     else:
         yield SheetAnswer("What differs", (f"Nothing beyond the noise; {noise}.",), MODELS)
     if causes:

@@ -146,22 +146,6 @@ def _place_of_inertia(baseline: tuple[Term[Motion], ...]) -> int | None:
     return next((i for i, term in enumerate(baseline) if term.identifier == INERTIA), None)
 
 
-def reversals(recorded: Recorded) -> Array:
-    """What dry friction shows in the moments in which it changes its sign (n, 3); no column where it never does.
-
-    Notes
-    -----
-    The low-pass rounds a reversal off, and below the speed of rest no direction is seen: when it turns, how fast, and
-    what friction there is before it counts as moving is not known. Free beside the baseline, all three are left out of
-    what a search may explain.
-    """
-    m = recorded.motion
-    turned = m.rate(m.direction)
-    at_rest = np.where(np.abs(m.speed) < m.rest_speed, np.sign(m.speed), 0.0)
-    found = recorded.thin(np.c_[turned, m.rate(turned), at_rest])
-    return found if found.any() else found[:, :0]
-
-
 def fit_together(
     recorded: Recorded, noise: SerialNoise, baseline: tuple[Term[Motion], ...], fits: tuple[TermFit, ...]
 ) -> FittedTerms:

@@ -37,6 +37,10 @@ TURNS, LEAST_SHARED = 3, 0.5
 """Times that the noise which all rows share is found anew beside that of single ones, and its least size, over the
 median of theirs."""
 
+SPREAD = (1.5, 3.0, 10.0)
+"""Standard deviations of a row, over that which all share, between which rows are of one kind: what a row has of its
+own is an upper bound, so that those with much of it hold less than they are divided by."""
+
 SILENT = 1e-12
 """Least power of a band [of noise of unit variance]: a record without noise has none."""
 
@@ -112,15 +116,18 @@ class NoiseModel:
         Of the whitened rows.
     power : (b,) array
         Power that the whitened noise has in each band; one where the autoregression is right.
+    size : (n - p,) array
+        Standard deviation that it has in each row; one in those without much noise of their own.
     """
 
     noise: SerialNoise
     bands: Bands
     power: Array
+    size: Array
 
     def whitened_draws(self, draws: int, rng: np.random.Generator) -> Array:
         """Whitened synthetic noise (n - p, draws)."""
-        return self.noise.without_joins(self.bands.draw(self.power, draws, rng))
+        return self.noise.without_joins(self.size[:, None] * self.bands.draw(self.power, draws, rng))
 
 
 def noise_of(residual: Array, structured: Array, starts: tuple[int, ...] = (), own: Array | None = None) -> NoiseModel:
@@ -158,7 +165,7 @@ def noise_of(residual: Array, structured: Array, starts: tuple[int, ...] = (), o
         spread = np.hypot(1.0, own / max(level * noise.standard_deviation, least))
         even = rows / spread[:, None]
         noise = _fitted_anew(noise, even)
-    found = _in_bands(noise, even)
+    found = _in_bands(noise, even, spread)
     return replace(found, noise=replace(found.noise, spread=spread))
 
 
@@ -175,11 +182,19 @@ def _fitted_anew(noise: SerialNoise, rows: Array) -> SerialNoise:
     return fit_noise(noise.coloured(left), spent=rank, starts=noise.starts)
 
 
-def _in_bands(noise: SerialNoise, rows: Array) -> NoiseModel:
-    """How much of it each band of the whitened rows holds."""
+def _in_bands(noise: SerialNoise, rows: Array, spread: Array | None = None) -> NoiseModel:
+    """How much of it each band of the whitened rows (n - p, k + 1) holds; its size by the rows that tell it."""
     white = noise.whiten(rows)
     basis, last = orthonormal(white[:, :-1]), white[:, -1]
-    bands = Bands.of(basis)
-    power = bands.power(last - basis @ (basis.T @ last))
-    level = float(np.median(power))
-    return NoiseModel(replace(noise, sigma=noise.sigma * math.sqrt(level)), bands, power / level)
+    bands, left = Bands.of(basis), last - basis @ (basis.T @ last)
+    power = bands.power(left)
+    size = _sizes(left, np.ones(len(left)) if spread is None else spread[noise.lags :])
+    level = float(np.median(power)) / float(np.mean(size**2))
+    return NoiseModel(replace(noise, sigma=noise.sigma * math.sqrt(level)), bands, power / np.median(power), size)
+
+
+def _sizes(left: Array, spread: Array) -> Array:
+    """Size of the whitened noise in rows (m,) of about as much of their own, over that in rows of little."""
+    classes = np.digitize(spread, SPREAD)
+    square = [float(np.mean(left[classes == k] ** 2)) if (classes == k).any() else 1.0 for k in range(len(SPREAD) + 1)]
+    return np.asarray(np.sqrt(np.array(square) / max(square[0], SILENT))[classes])

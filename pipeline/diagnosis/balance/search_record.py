@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
-from pmg.pipeline.diagnosis.balance.estimate import design_of, for_search, reversals
+from pmg.pipeline.diagnosis.balance.estimate import design_of, for_search
 from pmg.pipeline.diagnosis.balance.fitting import tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, record_evidence
 from pmg.pipeline.diagnosis.balance.noise_model import noise_of
+from pmg.pipeline.diagnosis.balance.records.reversals import reversals
 from pmg.pipeline.diagnosis.balance.records.zero import ZERO
 from pmg.pipeline.diagnosis.balance.structure import families_of
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
@@ -100,7 +101,7 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
     looked, free = families_of(recorded, case.axis), _free_terms(case)
     searched = _searched_terms(case, recorded)
     tables = tabulate(recorded, searched, coarse=True)
-    turned = reversals(recorded)
+    turned = reversals(recorded, case.axis.rises)
     recorded, columns = for_search(recorded, free)
     plain = np.hstack([columns, turned])
     smooth = (table for table in tables.values() if not table.term.variant and not table.term.sharp)

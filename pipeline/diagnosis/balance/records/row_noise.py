@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -9,6 +11,7 @@ import numpy as np
 from scipy.signal import fftconvolve
 
 from pmg.pipeline.diagnosis.balance.library.term import STEPS
+from pmg.pipeline.diagnosis.balance.records.reversals import BEYOND, SOONER
 from pmg.pipeline.diagnosis.balance.records.smoothing import kept
 from pmg.pipeline.diagnosis.balance.records.standing import DWELL, rests
 from pmg.pipeline.motion.angle_noise import STILL, without_small_waves
@@ -30,6 +33,9 @@ half a period of the low-pass on either side."""
 
 ROUNDS = 0.05
 """Speed that a low-pass adds where it rounds off a kink, over the change of slope and its period."""
+
+SAMPLED = 0.2
+"""Samples by which the turn may be off, as either end of a rest lies between two of them."""
 
 UNSEEN = 0.125
 """Periods of the low-pass by which a rest may begin sooner and end later than the smoothed speed tells."""
@@ -125,43 +131,59 @@ class _Turn:
         kink = 2.0 * half / max(abs(inertia), 1e-300)
         return cls(False, 2.0 * half, kink * ROUNDS / smoother.cut_off / max(fastest, 1e-300))
 
+    def unsure(self, step: float) -> float:
+        """Time by which the change of sign may be off [s], at a time from sample to sample."""
+        return math.hypot(self.shifted, SAMPLED * step)
 
-def _held(motion: Motion, inertia: float, smoother: Smoother) -> tuple[Array, int]:
+
+def _held(motion: Motion, inertia: float, smoother: Smoother) -> tuple[Array, Array, int]:
     """What may hold a machine at each sample (n,) [N, N m], as far as the low-pass carries it, and how often it sticks.
 
     It may stick where it comes to rest and the force is no larger than the friction on either side of that, or where it
-    rests for longer than the acceleration before and after tells. Where it turns at once, friction changes its sign
-    somewhat sooner or later than the smoothed speed.
+    rests for longer than the acceleration before and after tells. Turns of one recording are alike, so that all of them
+    together tell no more than one does. Where it turns at once, friction changes its sign sooner than the smoothed
+    speed, by a time that the kink tells: that is told, too (n,), with its sign.
     """
-    held, weights = np.zeros_like(motion.force), np.abs(kept(smoother.weights, smoother.keep_every))
-    beside, reach, count = round(1.0 / smoother.cut_off / smoother.step), len(weights) // 2, 0
+    stuck, turned, sooner = (np.zeros_like(motion.force) for _ in range(3))
+    weights, times = np.abs(kept(smoother.weights, smoother.keep_every)), Counter[tuple[int, int]]()
+    beside, reach = round(1.0 / smoother.cut_off / smoother.step), len(weights) // 2
     for first, last in rests(motion):
         begin = int(motion.first[first])
-        end = next((start for start in motion.starts if start > first), len(held))
+        end = next((start for start in motion.starts if start > first), len(stuck))
         before, after = slice(max(first - beside, begin), first), slice(last, min(last + beside, end))
         stands = (last - first) * motion.sample_time >= DWELL
         if stands or before.start == before.stop or after.start == after.stop:
             continue
         turn = _Turn.between(motion, inertia, before, after, smoother)
-        count += turn.may_stick
         longer = round(turn.shifted / motion.sample_time) if turn.may_stick else 0
         inside = slice(max(first - longer, begin), min(last + longer, end))
         around = slice(max(inside.start - reach, begin), min(inside.stop + reach, end))
-        part = 1.0 if turn.may_stick else turn.shifted / motion.sample_time / (last - first)
+        part = 1.0 if turn.may_stick else turn.unsure(motion.sample_time) / motion.sample_time / (last - first)
         rest = np.zeros(around.stop - around.start)
         rest[inside.start - around.start : inside.stop - around.start] = part
+        held = stuck if turn.may_stick else turned
         held[around] = np.hypot(held[around], turn.size * fftconvolve(rest, weights, mode="same"))
-    return held, count
+        if turn.may_stick:
+            times[begin, end] += 1
+        elif inside.stop < end:
+            part = turn.shifted / motion.sample_time / (last - first)
+            sooner[inside] = part * turn.size * np.sign(motion.speed[inside.stop])
+    for (begin, end), count in times.items():
+        stuck[begin:end] *= math.sqrt(count)
+    return np.hypot(stuck, turned), sooner, times.total()
 
 
 def with_row_noise(recorded: Recorded, inertia: float, smoother: Smoother) -> Recorded:
     """Recordings with the standard deviation that each row has beside the noise of all [N, N m], and what is told."""
     motion = recorded.motion
-    held, count = _held(motion, inertia, smoother)
+    held, sooner, count = _held(motion, inertia, smoother)
     steps = inertia * motion.besides[STEPS] if STEPS in motion.besides else np.zeros_like(held)
     own = recorded.at_rows(np.hypot(held, steps))
     told = Findings(recorded.name)
     if count:
         message = f"the machine sticks {count} times for less than {DWELL:g} s: the samples there count less"
         told.info(Code.SAMPLES_GAP, "time", message, "Nothing to do: what holds it there may be of any size.")
-    return replace(recorded, own_noise=own, findings=(*recorded.findings, *told.listed()))
+    turns = [sense - sense[0] for sense in np.split(motion.sense, motion.starts[1:])]
+    beyond = np.concatenate([turned - smoother.smooth(turned) for turned in turns])
+    motion = replace(motion, besides={**motion.besides, SOONER: sooner, BEYOND: beyond})
+    return replace(recorded, motion=motion, own_noise=own, findings=(*recorded.findings, *told.listed()))

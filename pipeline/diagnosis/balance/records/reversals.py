@@ -1,0 +1,45 @@
+"""What dry friction shows at reversals that no record tells: it is left out of what a search may explain."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
+    from pmg.sim.signals import Array
+
+SOONER, BEYOND = "sooner", "beyond"
+"""Channels of `Motion.besides`: friction that turned sooner than the smoothed speed [N, N m], and what the low-pass of
+the motion takes of the sense."""
+
+
+def reversals(recorded: Recorded, ways: tuple[float, ...]) -> Array:
+    """What dry friction shows in the moments in which it changes its sign (n, k); no column where it never does.
+
+    Parameters
+    ----------
+    recorded : Recorded
+        The recordings.
+    ways : tuple of float
+        Ways over which a force may rise after a reversal [m, rad].
+
+    Notes
+    -----
+    The low-pass rounds a reversal off, and below the speed of rest no direction is seen: when it turns, how fast, and
+    what friction there is before it counts as moving is not known; it turns sooner than the smoothed speed, as the kink
+    that it gives the speed is rounded off, too; the force is not low-passed, so it keeps what the acceleration has
+    lost of that kink; and where a way is passed in one thinned sample, what rises within it cannot be told from this.
+    Free beside the baseline, it is left out of what a search may explain.
+    """
+    m = recorded.motion
+    turned, sense = m.rate(m.direction), m.sense
+    at_rest = np.where(np.abs(m.speed) < m.rest_speed, np.sign(m.speed), 0.0)
+    besides = [m.besides[name] for name in (SOONER, BEYOND) if name in m.besides]
+    turns = np.flatnonzero(np.diff(sense, prepend=sense[:1]))
+    passed = np.r_[0.0, m.travel[np.minimum(turns + recorded.keep_every, len(sense) - 1)]]
+    since = passed[np.searchsorted(turns, np.arange(len(sense)), side="right")]
+    besides += [np.where(since > way, sense * np.exp(-m.travel / way), 0.0) for way in ways if (passed > way).any()]
+    found = recorded.thin(np.stack([turned, m.rate(turned), at_rest, *besides], axis=1))
+    return found if found.any() else found[:, :0]
