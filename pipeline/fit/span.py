@@ -23,13 +23,10 @@ def orthonormal(columns: Array, tolerance: float = 1e-6) -> Array:
     Journal on Scientific Computing 23 (6), 2002, doi:10.1137/S1064827500370883.
     """
     basis = _unit(columns)
-    if basis.shape[1] == 0:
-        return np.zeros((len(columns), 0))
     for _ in range(2):
-        values, vectors = np.linalg.eigh(basis.T @ basis)
-        told = values > tolerance**2 * values[-1]
-        basis = basis @ (vectors[:, told] / np.sqrt(values[told]))
-    return np.asarray(basis)
+        squares, directions = _directions(basis, tolerance)
+        basis = basis @ (directions / np.sqrt(squares))
+    return basis
 
 
 def taken_out(columns: Array, values: Array, tolerance: float = 1e-6) -> tuple[Array, int]:
@@ -38,20 +35,24 @@ def taken_out(columns: Array, values: Array, tolerance: float = 1e-6) -> tuple[A
     As by `orthonormal`, in a fraction of the time; the second turn takes out what rounding leaves of the first.
     """
     unit = _unit(columns)
-    if unit.shape[1] == 0:
-        return values, 0
-    sizes, vectors = np.linalg.eigh(unit.T @ unit)
-    told = sizes > tolerance**2 * sizes[-1]
-    inverse = (vectors[:, told] / sizes[told]) @ vectors[:, told].T
+    squares, directions = _directions(unit, tolerance)
+    inverse = (directions / squares) @ directions.T
     for _ in range(2):
         values = values - unit @ (inverse @ (unit.T @ values))
-    return values, int(told.sum())
+    return values, len(squares)
 
 
 def _unit(columns: Array) -> Array:
     """Columns brought to unit length; those of zeros are left out."""
     length = np.linalg.norm(columns, axis=0)
     return np.asarray(columns[:, length > 0.0] / length[length > 0.0])
+
+
+def _directions(columns: Array, tolerance: float) -> tuple[Array, Array]:
+    """Squares of the singular values (r,) of columns (m, k) above the tolerance, and their vectors (k, r)."""
+    squares, vectors = np.linalg.eigh(columns.T @ columns)
+    kept = squares > tolerance**2 * squares.max(initial=0.0)
+    return squares[kept], vectors[:, kept]
 
 
 def pseudo_inverse(columns: Array, tolerance: float = 1e-9) -> Array:

@@ -17,7 +17,7 @@ from tests.balance.dry_drive import DryDrive, sweep, triangle, write_records
 
 
 def diagnosed(drive: DryDrive, rng: np.random.Generator) -> tuple[Verdict, float, list[str]]:
-    """Verdict on five records of a drive, p-value of the mismatch, and the terms of the last step."""
+    """Verdict on four records of a drive, p-value of the mismatch, and the terms of the last step."""
     runs = {
         "slow": triangle(rng.uniform(10.0, 25.0), rng.uniform(5.0, 12.0)),
         "fast": triangle(rng.uniform(10.0, 25.0), rng.uniform(30.0, 60.0)),

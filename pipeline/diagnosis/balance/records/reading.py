@@ -44,7 +44,7 @@ KEPT = 0.4
 """Part of the thinned rate up to which the decimation keeps a force."""
 
 CLEAR, ABOVE = 1.25, 1.6
-"""Low-pass over that, from which on it cuts little of the acceleration there, and the one that is proposed."""
+"""Low-pass of the motion over that frequency: the least that cuts little of the acceleration, and the one proposed."""
 
 LEAST = 40
 """Thinned samples of the shortest stretch that is used: the decimation needs 28."""

@@ -7,12 +7,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.library.term import Motion
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
+    from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
     from pmg.sim.signals import Array
 
 SOONER, BEYOND = "sooner", "beyond"
 """Channels of `Motion.besides`: friction that turned sooner than the smoothed speed [N, N m], and what the low-pass of
 the motion takes of the sense."""
+
+
+def beyond_low_pass(motion: Motion, smoother: Smoother) -> Array:
+    """What the low-pass of the motion takes of the sense (n,), within each recording."""
+    turns = [sense - sense[0] for sense in np.split(motion.sense, motion.starts[1:])]
+    return np.concatenate([turned - smoother.smooth(turned) for turned in turns])
 
 
 def reversals(recorded: Recorded, ways: tuple[float, ...]) -> Array:
@@ -27,11 +35,11 @@ def reversals(recorded: Recorded, ways: tuple[float, ...]) -> Array:
 
     Notes
     -----
-    The low-pass rounds a reversal off, and below the speed of rest no direction is seen: when it turns, how fast, and
-    what friction there is before it counts as moving is not known; it turns sooner than the smoothed speed, as the kink
-    that it gives the speed is rounded off, too; the force is not low-passed, so it keeps what the acceleration has
-    lost of that kink; and where a way is passed in one thinned sample, what rises within it cannot be told from this.
-    Free beside the baseline, it is left out of what a search may explain.
+    Near a reversal a record does not tell when exactly the machine turned, how fast, and what friction was before it
+    counted as moving. Friction gives the speed a kink there. The low-pass rounds it off, so that friction changes its
+    sign sooner than the smoothed speed; and as the force is not low-passed, it holds what the acceleration has lost.
+    Nor does a record tell what rises within a way that the machine passes in one thinned sample. These columns are
+    free beside the baseline: no cause is named for what they describe.
     """
     m = recorded.motion
     turned, sense = m.rate(m.direction), m.sense

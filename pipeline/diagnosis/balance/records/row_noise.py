@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import fftconvolve
 
 from pmg.pipeline.diagnosis.balance.library.term import STEPS
-from pmg.pipeline.diagnosis.balance.records.reversals import BEYOND, SOONER
+from pmg.pipeline.diagnosis.balance.records.reversals import BEYOND, SOONER, beyond_low_pass
 from pmg.pipeline.diagnosis.balance.records.smoothing import kept
 from pmg.pipeline.diagnosis.balance.records.standing import DWELL, rests
 from pmg.pipeline.motion.angle_noise import STILL, without_small_waves
@@ -140,9 +140,9 @@ def _held(motion: Motion, inertia: float, smoother: Smoother) -> tuple[Array, Ar
     """What may hold a machine at each sample (n,) [N, N m], as far as the low-pass carries it, and how often it sticks.
 
     It may stick where it comes to rest and the force is no larger than the friction on either side of that, or where it
-    rests for longer than the acceleration before and after tells. Turns of one recording are alike, so that all of them
-    together tell no more than one does. Where it turns at once, friction changes its sign sooner than the smoothed
-    speed, by a time that the kink tells: that is told, too (n,), with its sign.
+    rests for longer than the acceleration before and after tells. The turns of one recording are nearly the same, so
+    that together they count as one. Where it turns at once, friction changes its sign sooner than the smoothed speed,
+    by a time that follows from the kink; that friction is given too (n,) [N, N m].
     """
     stuck, turned, sooner = (np.zeros_like(motion.force) for _ in range(3))
     weights, times = np.abs(kept(smoother.weights, smoother.keep_every)), Counter[tuple[int, int]]()
@@ -158,23 +158,22 @@ def _held(motion: Motion, inertia: float, smoother: Smoother) -> tuple[Array, Ar
         longer = round(turn.shifted / motion.sample_time) if turn.may_stick else 0
         inside = slice(max(first - longer, begin), min(last + longer, end))
         around = slice(max(inside.start - reach, begin), min(inside.stop + reach, end))
-        part = 1.0 if turn.may_stick else turn.unsure(motion.sample_time) / motion.sample_time / (last - first)
+        per_time = 1.0 / (motion.sample_time * (last - first))
+        held, part = (stuck, 1.0) if turn.may_stick else (turned, per_time * turn.unsure(motion.sample_time))
         rest = np.zeros(around.stop - around.start)
         rest[inside.start - around.start : inside.stop - around.start] = part
-        held = stuck if turn.may_stick else turned
         held[around] = np.hypot(held[around], turn.size * fftconvolve(rest, weights, mode="same"))
         if turn.may_stick:
             times[begin, end] += 1
         elif inside.stop < end:
-            part = turn.shifted / motion.sample_time / (last - first)
-            sooner[inside] = part * turn.size * np.sign(motion.speed[inside.stop])
+            sooner[inside] = per_time * turn.shifted * turn.size * np.sign(motion.speed[inside.stop])
     for (begin, end), count in times.items():
         stuck[begin:end] *= math.sqrt(count)
     return np.hypot(stuck, turned), sooner, times.total()
 
 
 def with_row_noise(recorded: Recorded, inertia: float, smoother: Smoother) -> Recorded:
-    """Recordings with the standard deviation that each row has beside the noise of all [N, N m], and what is told."""
+    """Recordings with the noise that each row has beside that of all [N, N m], and the channels of `reversals`."""
     motion = recorded.motion
     held, sooner, count = _held(motion, inertia, smoother)
     steps = inertia * motion.besides[STEPS] if STEPS in motion.besides else np.zeros_like(held)
@@ -183,7 +182,6 @@ def with_row_noise(recorded: Recorded, inertia: float, smoother: Smoother) -> Re
     if count:
         message = f"the machine sticks {count} times for less than {DWELL:g} s: the samples there count less"
         told.info(Code.SAMPLES_GAP, "time", message, "Nothing to do: what holds it there may be of any size.")
-    turns = [sense - sense[0] for sense in np.split(motion.sense, motion.starts[1:])]
-    beyond = np.concatenate([turned - smoother.smooth(turned) for turned in turns])
-    motion = replace(motion, besides={**motion.besides, SOONER: sooner, BEYOND: beyond})
+    of_turns = {SOONER: sooner, BEYOND: beyond_low_pass(motion, smoother)}
+    motion = replace(motion, besides={**motion.besides, **of_turns})
     return replace(recorded, motion=motion, own_noise=own, findings=(*recorded.findings, *told.listed()))
