@@ -10,6 +10,7 @@ from tests.nature import campaign_points, measure
 from tests.recovery.test_planted import NATURE, analysed
 
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
+from pmg.pipeline.diagnosis.engine.held_out import unpredicted, withheld_left
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 from pmg.pipeline.diagnosis.grid.candidates import candidates, grid_problem
 from pmg.pipeline.diagnosis.grid.catalogue import MECHANISMS
@@ -67,3 +68,20 @@ def test_parts_without_readings_are_no_choices(bench: BenchParameters) -> None:
     assert rows.beside_each_other(chosen[:1], named[1:]) == chosen[:1]
     other = (replace(chosen[0], candidate=gain), chosen[1])
     assert rows.beside_each_other(other, named) is other
+
+
+def test_what_training_rows_hold_a_trace_of_predicts_nothing() -> None:
+    """A column that the other folds hold as good as none of is left out there, whatever its size and the noise of rows.
+
+    As where friction rises over a way after reversals that lie in one fold only, and exponentials leave their tails.
+    """
+    rng = np.random.default_rng(5)
+    scale = rng.uniform(0.5, 2.0, 400)
+    y = 3.0 + scale * rng.standard_normal(400)
+    fold = np.arange(400) // 100
+    some = np.where(fold == 2, rng.uniform(0.0, 1.0, 400), 1e-13 * rng.uniform(0.0, 1.0, 400))
+    for unit in (1.0, 1e-6, 1e6):
+        columns = np.column_stack([np.ones(400), unit * some])
+        left = withheld_left(y, columns, scale, fold, 4)
+        assert left[fold == 2] == pytest.approx(unpredicted(y, columns[:, :1], scale, fold != 2)[fold == 2], rel=1e-3)
+        assert np.abs(left).max() < 10.0

@@ -29,6 +29,10 @@ BY_CHANCE = 2.0
 """Standard errors of the noise by which what is left may exceed the share that a candidate must predict."""
 
 
+LEAST_SIZE = 1e-8
+"""Size of a direction of the columns, over the largest, below which it counts as none."""
+
+
 @dataclass(frozen=True)
 class HeldOut:
     """Errors on rows that took no part in the fit, in their own unit (N m, or N).
@@ -163,11 +167,16 @@ def gain_interval(
     return float(low), float(high)
 
 
-def solve(design: Array, y: Array) -> Array:
-    """Least squares with columns of equal length; directions the rows do not determine stay at zero."""
-    length = np.linalg.norm(design, axis=0)
-    length[length == 0.0] = 1.0
-    return np.asarray(np.linalg.lstsq(design / length, y, rcond=1e-8)[0] / length)
+def lengths(columns: Array) -> Array:
+    """Length of each column (k,); 1 for one of zeros."""
+    length = np.linalg.norm(columns, axis=0)
+    return np.where(length == 0.0, 1.0, length)
+
+
+def solve(design: Array, y: Array, length: Array | None = None) -> Array:
+    """Least squares; directions the rows do not determine stay at zero, where columns have their unit, or are equal."""
+    unit = lengths(design) if length is None else length
+    return np.asarray(np.linalg.lstsq(design / unit, y, rcond=LEAST_SIZE)[0] / unit)
 
 
 def unpredicted(y: Array, columns: Array, scale: Array, train: Mask, spread: Array | None = None) -> Array:
@@ -178,7 +187,7 @@ def unpredicted(y: Array, columns: Array, scale: Array, train: Mask, spread: Arr
     design = training_rows(columns, scale, train, spread)
     seen = np.zeros(len(design))
     seen[: int(train.sum())] = y[train] / scale[train]
-    return np.asarray(y - columns @ solve(design, seen))
+    return np.asarray(y - columns @ solve(design, seen, lengths(columns / scale[:, None])))
 
 
 def training_rows(columns: Array, scale: Array, train: Mask, spread: Array | None = None) -> Array:

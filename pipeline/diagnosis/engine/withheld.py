@@ -12,8 +12,10 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.engine.free_form import BEND
 from pmg.pipeline.diagnosis.engine.held_out import (
+    LEAST_SIZE,
     HeldOut,
     compared,
+    lengths,
     touched_blocks,
     training_rows,
     unpredicted,
@@ -37,9 +39,6 @@ FOLDS = 4
 FARTHEST = 2.0
 """Standard deviation of a withheld prediction, in noise of the row, beyond which the row is not looked at: a fit is not
 asked to reach beyond its data."""
-
-LEAST_SIZE = 1e-8
-"""Size of a direction of the columns, over the largest, below which it counts as none."""
 
 LOST = 0.1
 """Part of the rows that may be beyond the reach of what the other folds name; where more are, all count."""
@@ -225,8 +224,7 @@ def _placebo_gain(
 
 def _reach(columns: Array, scale: Array, train: Mask, test: Mask, spread: Array | None = None) -> Array:
     """Standard deviation with which the training rows predict the baseline of the test rows, over their noise."""
-    length = np.linalg.norm(columns, axis=0)
-    length[length == 0.0] = 1.0
+    length = lengths(columns / scale[:, None])
     _, size, along = np.linalg.svd(training_rows(columns, scale, train, spread) / length, full_matrices=False)
     kept = size > LEAST_SIZE * size[0]
     return np.asarray(np.linalg.norm(columns[test] / length @ (along[kept].T / size[kept]), axis=1) / scale[test])
