@@ -204,6 +204,17 @@ def short_case(scene: Scene) -> MotionCase:
     return MotionCase("short", motion_strata()[0], whole, (sized,), "")
 
 
+def test_a_poor_design_may_name_what_its_own_runs_show(scene: Scene) -> None:
+    case = short_case(scene)
+    poor = next(each for each in motion_strata() if each.kind == "confounded")
+    for size, right in ((0.1, {"consistent"}), (0.7, set()), (0.8, {"named"})):
+        (effect,) = case.effects
+        sized = replace(effect, reached=EffectSize(size, size, effect.reached.rms))
+        found = replace(case, stratum=poor, effects=(sized,))
+        assert set(found.expected) == {"confounded", "ambiguous"} | right
+        assert found.truth["expected"] == list(found.expected)
+
+
 def test_the_recordings_hold_what_is_measured_in_memory(scene: Scene, tmp_path: Path) -> None:
     case = short_case(scene)
     runs = measure_motion_case(case, np.random.default_rng(7))

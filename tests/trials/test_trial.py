@@ -57,7 +57,7 @@ def truth(
         "kind": kind,
         "stratum": "by hand",
         "campaign": "campaign-00",
-        "expected": ["named"],
+        "expected": ["confounded", "ambiguous"] if kind == "confounded" else ["named"],
         "effects": [
             {
                 "id": name,
@@ -201,6 +201,17 @@ def test_a_confounded_design_is_recognised_by_word_or_by_a_set_with_a_test() -> 
     assert judge(true, document("named", (GAIN, "sun"))).recognised is False
     assert judge(true, document("consistent")).recognised is False
     assert judge(ONE, document("confounded")).recognised is None
+
+
+def test_what_the_runs_of_a_poor_design_show_is_no_guess() -> None:
+    blind = truth((GAIN, "sun"), kind="confounded")
+    shown = blind | {"expected": ["confounded", "ambiguous", "named"]}
+    said = [(blind, document("confounded")), (blind, document("named", (GAIN, "sun")))]
+    said += [(shown, document("named", (name, "sun"))) for name in (GAIN, WIND)] + [(shown, document("confounded"))]
+    found = {figure.id: figure for figure in figures([judge(*pair) for pair in said], [], [])}
+    assert (found["confounded_told"].hits, found["confounded_told"].of) == (1, 2)
+    assert (found["poor_shown"].hits, found["poor_shown"].of) == (2, 3)
+    assert (found["confident_library"].hits, found["confident_library"].of) == (1, 5)
 
 
 @pytest.mark.parametrize(

@@ -161,7 +161,8 @@ def figures(scores: Sequence[Score], resolutions: Sequence[str], lifts: Sequence
     about = [score for score in one if ABOUT_ONE[0] <= score.reached < ABOUT_ONE[1]]
     large = [score for score in one if score.reached >= ABOUT_ONE[0]]
     two = [score for score in made if score.kind == "two"]
-    unclear = [score for score in made if score.kind == "confounded"]
+    unclear = [score for score in made if score.recognised is not None]
+    shown = [score for score in made if score.kind == "confounded" and score.recognised is None]
     seen_outside = [score for score in outside if score.detected]
     curve = detection(made)[1]
     right, either = (DiagnosisScore.RIGHT,), (DiagnosisScore.RIGHT, DiagnosisScore.RIGHT_SET)
@@ -193,6 +194,12 @@ def figures(scores: Sequence[Score], resolutions: Sequence[str], lifts: Sequence
             "confounded design recognised, not guessed at",
             [bool(s.recognised) for s in unclear],
             Aim(low=1.0),
+        ),
+        _rate(
+            "poor_shown",
+            "poor design whose runs show the effect: named right, in the set, or said to be beyond it",
+            shown,
+            (*either, DiagnosisScore.SAID_CONFOUNDED),
         ),
         share("resolved", "sets that the proposed test resolves", [word == "resolved" for word in tested]),
         share(

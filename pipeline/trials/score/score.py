@@ -98,7 +98,8 @@ class Score:
     held_out : float or None
         Error on withheld readings with the mechanisms in, over the noise floor.
     recognised : bool or None
-        For a confounded design: that it cannot tell was said, or the set with the truth and a test that would.
+        For a confounded design: that it cannot tell was said, or the set with the truth and a test that would; None
+        where its runs show the effect, so that to name it is right.
     laws : str
         Family of its effects' laws, reserved if that of any is; empty where nothing is concealed.
     near : tuple of str
@@ -167,7 +168,7 @@ def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score
         p_value=None if document is None else float(document["p_value"]),
         parameter=_parameter_beside(truth, document),
         held_out=float(proof["rmse_after_Nm"] / proof["noise_floor_Nm"]) if after and proof is not None else None,
-        recognised=separated if kind == "confounded" else None,
+        recognised=separated if kind == "confounded" and "named" not in truth["expected"] else None,
         near=_near_ids(document),
         place=place_of(effects[0]["component"]) if right_place is not None else "",
         located=right_place,
