@@ -17,7 +17,7 @@ from pmg.pipeline.commands.machines.terms import run_terms
 from pmg.pipeline.diagnosis.balance import low_passes
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
-from pmg.pipeline.diagnosis.balance.document import headline
+from pmg.pipeline.diagnosis.balance.document import headline, terms_document
 from pmg.pipeline.diagnosis.balance.library.elastic import RESONANCE
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_remarks, low_pass_sentence
 from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried, try_low_passes
@@ -108,6 +108,7 @@ def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts()
             contests=(),
             impossible=(),
             hangs_on_low_pass=hangs,
+            only_here=(),
             case=SimpleNamespace(prepare=SimpleNamespace(low_pass_hz=20.0)),
         )
         return low_pass_sentence(found), low_pass_remarks(found)
@@ -169,6 +170,37 @@ def test_what_neither_half_the_low_pass_nor_twice_names_is_not_named(
     assert found.verdict is (Verdict.NAMED if named else Verdict.NOT_IN_LIBRARY)
     assert found.hangs_on_low_pass is not named
     assert headline(found).startswith("Named: Coulomb" if named else "Nothing is named: Coulomb friction would explain")
+
+
+@pytest.mark.parametrize(
+    ("friction", "others", "named"), [(0.012, "delay", True), (0.012, "", False), (0.03, "delay", False)]
+)
+def test_what_all_low_passes_name_is_named_where_it_is_most_of_the_mismatch(
+    tmp_path: Path, friction: float, others: str, named: bool
+) -> None:
+    """A ripple with Coulomb friction beside it that no other low-pass names; both name the ripple, or one does."""
+
+    def torque(m: Turning) -> Array:
+        return wheel.plain(m) + 0.03 * np.sin(m.angle) + friction * np.sign(m.speed)
+
+    case = read_case(wheel.make_case(tmp_path, torque, channels=f"{wheel.VELOCITY}\n{wheel.ANGLE}\n{wheel.TORQUE}"))
+    fits = {
+        name: SimpleNamespace(identifier=name, candidate=SimpleNamespace(identifier=name, title=name))
+        for name in ("position_ripple", "delay")
+    }
+    sets = (("position_ripple",), ("position_ripple", others) if others else ("delay",))
+    tried = tuple(
+        LowPassTried(at, 10, 0.002, tuple(fits[name] for name in each))  # type: ignore[misc]
+        for at, each in zip((20.0, 80.0), sets, strict=True)
+    )
+    found = diagnose_terms(case, *read_recordings(case), np.random.default_rng(1), tried)
+    assert found.verdict is (Verdict.NAMED if named else Verdict.NOT_IN_LIBRARY)
+    assert [fit.identifier for fit in found.only_here] == ["coulomb"] * named
+    if named:
+        assert [step.added for step in found.steps[1:]] == ["position_ripple"]
+        assert "In the main: " in headline(found)
+        assert "at 40 Hz more comes in: Coulomb friction; at 20 Hz the search says the same" in low_pass_sentence(found)
+        assert terms_document(found)["only_with_this_low_pass"] == ["coulomb"]
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from pmg.pipeline.diagnosis.balance.estimate import design_of, impossible_in
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.balance.free_run import free_run, of_fit, of_published
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
+from pmg.pipeline.diagnosis.balance.low_passes import FACTORS
 from pmg.pipeline.diagnosis.balance.mismatch import find_mismatch, record_evidence
 from pmg.pipeline.diagnosis.balance.proof import FurtherDecoys, surrogate_decoys, try_decoys, withheld_samples
 from pmg.pipeline.diagnosis.balance.records.zero import ZERO
@@ -21,6 +22,7 @@ from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
 from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, conclude
 from pmg.pipeline.diagnosis.engine.decoys import offer_decoys
+from pmg.pipeline.diagnosis.engine.part_of_set import name_part
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 
@@ -77,6 +79,8 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
         What the search says with other low-passes, where that was asked.
     hangs_on_low_pass : bool
         Whether a cause was found that neither half the low-pass nor twice names: then nothing is named.
+    only_here : tuple of TermFit
+        Terms that the search found as well, which the other low-passes do not name both, and that no proof bore out.
     """
 
     case: Case
@@ -95,6 +99,7 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     free_runs: tuple[FreeRun, ...] = ()
     low_passes: tuple[LowPassTried, ...] = ()
     hangs_on_low_pass: bool = False
+    only_here: tuple[TermFit, ...] = ()
 
     @property
     def last_word(self) -> str:
@@ -123,7 +128,37 @@ def diagnose_terms(
     low_passes : tuple of LowPassTried
         What the search says with half the low-pass and with twice, where that was asked.
     """
-    s = search_record(case, recorded, rng)
+    whole = search_record(case, recorded, rng)
+    d = _judged(whole, case, recorded, withheld, rng, low_passes)
+    part = _in_all(whole, low_passes) if d.verdict is Verdict.NOT_IN_LIBRARY else None
+    if part is None:
+        return d
+    less = _judged(part, case, recorded, withheld, rng, low_passes)
+    ids = {fit.identifier for fit in part.named}
+    here = tuple(fit for fit in whole.named if fit.identifier not in ids)
+    return replace(less, only_here=here) if less.verdict.names else d
+
+
+def _in_all(s: Searched, low_passes: tuple[LowPassTried, ...]) -> Searched | None:
+    """The search with those of its terms that both other low-passes name; None where that is all of them, or none."""
+    others = _sets_of(low_passes, s.mismatch.false_alarm_rate)
+    named = frozenset(fit.identifier for fit in s.named)
+    ids = named.intersection(*others)
+    if s.found is None or len(others) < len(FACTORS) or not ids or ids == named:
+        return None
+    found = name_part(s.problem, TermCatalogue(), s.found, ids, adequacy_test(s.evidence))
+    return replace(s, found=found, named=found.best.fits)
+
+
+def _judged(
+    s: Searched,
+    case: Case,
+    recorded: Recorded,
+    withheld: Recorded | None,
+    rng: np.random.Generator,
+    low_passes: tuple[LowPassTried, ...],
+) -> TermsDiagnosis:
+    """The verdict on what a search found, with its proof."""
     noise, found, named = s.noise.noise, s.found, s.named
     apart = rng.spawn(1)[0]
     further = FurtherDecoys(0, 0, 0.0, ()) if found is None else _further_decoys(s, found, recorded, withheld, rng)
@@ -189,10 +224,15 @@ def _decoys(s: Searched, found: TermNaming, recorded: Recorded, rng: np.random.G
     return offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, s.noise.noise, rng))
 
 
+def _sets_of(low_passes: tuple[LowPassTried, ...], limit: float) -> list[frozenset[str]]:
+    """Ids that other low-passes name, of those that see a mismatch."""
+    return [each.ids for each in low_passes if each.p_value <= limit]
+
+
 def _none_names(named: tuple[TermFit, ...], low_passes: tuple[LowPassTried, ...], limit: float) -> bool:
-    """Whether both other low-passes see a mismatch, and neither names the same terms."""
-    others = [each.ids for each in low_passes if each.p_value <= limit]
-    return len(others) > 1 and {fit.identifier for fit in named} not in others
+    """Whether both other low-passes see a mismatch, neither names the same terms, and not both name these and more."""
+    others, ids = _sets_of(low_passes, limit), {fit.identifier for fit in named}
+    return len(others) == len(FACTORS) and ids not in others and not all(ids <= other for other in others)
 
 
 def _twins_told(problem: TermProblem, case: Case, sets: tuple[tuple[TermFit, ...], ...]) -> tuple[Twins, ...]:

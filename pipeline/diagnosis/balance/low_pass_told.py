@@ -90,11 +90,13 @@ def low_pass_sentence(d: TermsDiagnosis) -> str:
     if not d.low_passes:
         return ""
     told = [(f"{each.low_pass_hz:g} Hz", said_with(d, each)) for each in d.low_passes]
-    if all(said == SAME for _, said in told):
+    if all(said == SAME for _, said in told) and not d.only_here:
         return f"With a low-pass of {' or '.join(at for at, _ in told)} {SAME}."
-    others = "; ".join(f"at {at} {said}" for at, said in told)
+    others, own = "; ".join(f"at {at} {said}" for at, said in told), f"{d.case.prepare.low_pass_hz:g} Hz"
     if _hangs(d):
-        return f"It hangs on the low-pass of {d.case.prepare.low_pass_hz:g} Hz: {others}."
+        return f"It hangs on the low-pass of {own}: {others}."
+    if d.only_here:
+        return f"What all low-passes name is named; at {own} more comes in: {_titles(d.only_here)}; {others}."
     return f"Another low-pass: {others}."
 
 
