@@ -149,6 +149,7 @@ def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts()
     ("others", "named"),
     [
         ((("delay",), ("delay", "coulomb")), False),
+        ((("coulomb", "backlash"), ("delay", "coulomb")), True),
         ((("coulomb",), ("delay",)), True),
         ((("delay",),), True),
         ((("delay",), None), True),
@@ -160,7 +161,8 @@ def test_what_neither_half_the_low_pass_nor_twice_names_is_not_named(
     """Coulomb friction that is found; others find what is given, None where they see no mismatch."""
     case = read_case(wheel.make_case(tmp_path, dry, terms='["inertia", "viscous"]'))
     fits = {
-        name: SimpleNamespace(identifier=name, candidate=SimpleNamespace(title=name)) for name in ("coulomb", "delay")
+        name: SimpleNamespace(identifier=name, candidate=SimpleNamespace(title=name))
+        for name in ("coulomb", "delay", "backlash")
     }
     tried = tuple(
         LowPassTried(10.0 * (k + 1), 10, 0.5 if each is None else 0.002, tuple(fits[name] for name in each or ()))  # type: ignore[misc]

@@ -230,9 +230,10 @@ def _sets_of(low_passes: tuple[LowPassTried, ...], limit: float) -> list[frozens
 
 
 def _none_names(named: tuple[TermFit, ...], low_passes: tuple[LowPassTried, ...], limit: float) -> bool:
-    """Whether both other low-passes see a mismatch, neither names the same terms, and not both name these and more."""
+    """Whether both other low-passes see a mismatch, and none names the same terms, or more while both name a part."""
     others, ids = _sets_of(low_passes, limit), {fit.identifier for fit in named}
-    return len(others) == len(FACTORS) and ids not in others and not all(ids <= other for other in others)
+    more = any(ids <= other for other in others) and all(ids & other for other in others)
+    return len(others) == len(FACTORS) and ids not in others and not more
 
 
 def _twins_told(problem: TermProblem, case: Case, sets: tuple[tuple[TermFit, ...], ...]) -> tuple[Twins, ...]:
