@@ -12,6 +12,7 @@ from pmg.pipeline.diagnosis.balance.contest import BalanceData, Contest, ModelSt
 from pmg.pipeline.diagnosis.balance.estimate import design_of, impossible_in
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.balance.free_run import free_run, of_fit, of_published
+from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
 from pmg.pipeline.diagnosis.balance.low_passes import FACTORS
 from pmg.pipeline.diagnosis.balance.mismatch import find_mismatch, record_evidence
@@ -201,7 +202,9 @@ def _judged(
         refinements=refinements,
         dropped=dropped,
         impossible=impossible,
-        twins=_twins_told(s.problem, case, (named, *(each.rival.fits for each in contests if each.open))),
+        twins=_twins_told(
+            s.problem, case, (named, *(each.rival.fits for each in contests if each.open)), coasts=recorded.coasts
+        ),
         further_decoys=further,
         contests=contests,
         left_over=find_mismatch(record_evidence(s.noise, last, s.looked, s.evidence.null), s.looked),
@@ -236,10 +239,17 @@ def _none_names(named: tuple[TermFit, ...], low_passes: tuple[LowPassTried, ...]
     return len(others) == len(FACTORS) and ids not in others and not more
 
 
-def _twins_told(problem: TermProblem, case: Case, sets: tuple[tuple[TermFit, ...], ...]) -> tuple[Twins, ...]:
-    """Terms with the same column; the zero is left out where recordings at rest show it and no set names it."""
+def _twins_told(
+    problem: TermProblem, case: Case, sets: tuple[tuple[TermFit, ...], ...], *, coasts: bool
+) -> tuple[Twins, ...]:
+    """Terms with the same column, and the gain of a drive of which nothing is known.
+
+    The zero is left out where recordings at rest show it and no set names it.
+    """
     in_sets = {fit.identifier for fits in sets for fit in fits}
-    return tuple(each for each in find_twins(problem) if not case.zero or ZERO not in each.ids or ZERO in in_sets)
+    free_gain = not coasts and GAIN in {term.identifier for term in case.library} and GAIN not in problem.tables
+    seen = (each for each in find_twins(problem) if not case.zero or ZERO not in each.ids or ZERO in in_sets)
+    return (*(Twins((GAIN,), 1.0),) * free_gain, *seen)
 
 
 def with_free_runs(d: TermsDiagnosis) -> TermsDiagnosis:

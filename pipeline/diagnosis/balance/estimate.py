@@ -122,21 +122,24 @@ def design_of(recorded: Recorded, baseline: tuple[Term[Motion], ...], fits: tupl
     return np.hstack(blocks)
 
 
-def for_search(recorded: Recorded, baseline: tuple[Term[Motion], ...]) -> tuple[Recorded, Array]:
+def for_search(
+    recorded: Recorded, baseline: tuple[Term[Motion], ...], fits: tuple[TermFit, ...]
+) -> tuple[Recorded, Array]:
     """Recordings and columns of a free baseline (n, k) for the search: the inertia stays free for slow parts alone.
 
     Notes
     -----
     Noise of an acceleration grows with frequency, and least squares on whitened rows weigh fast parts most: the inertia
     that they find is too small, and what is missing of it follows the acceleration, though nothing was left out. The
-    fast part of the acceleration is taken out of the force with the inertia of plain least squares.
+    fast part of the acceleration is taken out of the force with the inertia of plain least squares, beside the terms
+    that were found before: what they explain would move it.
     """
     columns = design_of(recorded, baseline, ())
     place = _place_of_inertia(baseline)
     if place is None:
         return recorded, columns
     slow = recorded.slow(columns[:, place])
-    inertia = solve(columns, recorded.force)[place]
+    inertia = solve(design_of(recorded, baseline, fits), recorded.force)[place]
     freed = replace(recorded, force=recorded.force - inertia * (columns[:, place] - slow))
     return freed, np.column_stack([columns[:, :place], slow, columns[:, place + 1 :]])
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.estimate import INERTIA
 from pmg.pipeline.diagnosis.balance.known_terms import SetTerm, missing_parameters, set_terms
+from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
 from pmg.pipeline.diagnosis.balance.library.term import Motion
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.machine.axis import Axis
     from pmg.sim.signals import Array
 
-DELAY, FADE, GAIN, LIMIT = "delay", "drive_fade", "actuator_gain", "drive_limit"
+DELAY, FADE, LIMIT = "delay", "drive_fade", "drive_limit"
 """Terms that change what force acts when, instead of adding one."""
 
 RUNS_AWAY = 1e6

@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
 from pmg.pipeline.diagnosis.balance.estimate import design_of, for_search
 from pmg.pipeline.diagnosis.balance.fitting import tabulate, term_problem
+from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, record_evidence
 from pmg.pipeline.diagnosis.balance.noise_model import noise_of
@@ -48,7 +49,7 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
     Of a machine that coasts, none that goes with its acceleration, or with the force that is zero; none that needs a
     channel which was not recorded; no zero where each recording has its own, and of one that recordings at rest show no
     more than its error leaves open; of a machine that moves one way only, none that goes with direction as a plainer
-    term does.
+    term does; and no gain of the drive where nothing is known, as every free amplitude grows with it.
     """
     channels, coasts = recorded.motion.besides, recorded.coasts
     unsure = {each.term.key: OPEN_ERRORS * each.error for each in case.known if each.error > 0.0}
@@ -61,6 +62,8 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
         if coasts and (term.needs_drive or term.of_model):
             continue
         if one_way and term.both_ways:
+            continue
+        if term.identifier == GAIN and not known and not case.known:
             continue
         if not set(term.needs) <= set(channels) or (case.own_zeros and term.identifier == ZERO):
             continue
@@ -102,14 +105,15 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
     searched = _searched_terms(case, recorded)
     tables = tabulate(recorded, searched, coarse=True)
     turned = reversals(recorded, case.axis.rises)
-    recorded, columns = for_search(recorded, free)
+    named: tuple[TermFit, ...] = ()
+    given, (_, columns) = recorded, for_search(recorded, free, named)
     plain = np.hstack([columns, turned])
     smooth = (table for table in tables.values() if not table.term.variant and not table.term.sharp)
     allowed = [table.columns.reshape(len(plain), -1) for table in smooth]
     structured = np.hstack([plain, *(f.columns for f in looked), *allowed])
     found: TermNaming | None = None
-    named: tuple[TermFit, ...] = ()
     for turn in range(2):
+        recorded, _ = for_search(given, free, named)
         noise = noise_of(recorded.force, structured, recorded.breaks[1:], recorded.own_noise)
         null = noise.whitened_draws(DRAWS, rng)
         problem = term_problem(recorded, tables, noise.noise, plain)

@@ -22,11 +22,14 @@ LOST = (0.8, 1.25)
 """Part of what a command has beyond the limit of its drive that is lost: all of it, but for errors; where less is lost,
 the gain is off."""
 
+GAIN = "actuator_gain"
+"""Id of the gain of the drive, with which every amplitude that is not known grows."""
+
 
 def chain_terms(axis: Axis) -> Iterator[Term[Motion]]:
     """Faults of the chain from the command to the readings."""
     yield Term(
-        "actuator_gain",
+        GAIN,
         "Gain error of the actuator",
         "g (baseline terms)",
         part("g", "1", 0.3),
