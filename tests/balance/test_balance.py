@@ -152,6 +152,8 @@ def test_a_force_outside_the_library_is_said_to_be_so(tmp_path: Path) -> None:
     )
     assert found.verdict is Verdict.NOT_IN_LIBRARY
     assert any(place.name.startswith("position") for place in found.mismatch.locations)
+    assert found.naming is not None
+    assert "actuator_gain" not in {fit.identifier for fit in found.naming.ranking}, "nothing is known"
     near, lines = near_causes(found), nearest_lines(found)
     assert [line for line in lines if "of the mismatch" in line] == [
         f"{each.title}: {each.share:.0%} of the mismatch" for each in near

@@ -9,7 +9,7 @@ from tests.balance.reading import read_one
 from tests.balance.slide import make_case, plain
 
 from pmg.pipeline.diagnosis.balance.case_file import read_case
-from pmg.pipeline.diagnosis.balance.estimate import FittedTerms, design_of, fit_together
+from pmg.pipeline.diagnosis.balance.estimate import FittedTerms, design_of, fit_together, for_search
 from pmg.pipeline.diagnosis.balance.fitting import fit_term, tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.serial import fit_noise
 from pmg.pipeline.diagnosis.engine.held_out import solve
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from tests.balance.slide import Moving
 
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.sim.signals import Array
 
@@ -93,3 +94,30 @@ def test_noise_of_an_encoder_does_not_make_the_inertia_smaller(tmp_path: Path) -
         plain_ones.append(solve(design, recorded.force)[0] / 80.0 - 1.0)
     assert abs(float(np.mean(freed))) < 0.003
     assert float(np.mean(plain_ones)) < -0.01, "least squares on a measured acceleration is off"
+
+
+def test_the_fast_part_of_an_acceleration_has_the_inertia_beside_the_terms_that_were_found(tmp_path: Path) -> None:
+    """A cable that is not in the baseline goes with the acceleration as far as that swings about one place."""
+
+    def force(m: Moving) -> Array:
+        return plain(m) + 400.0 * (m.q - 0.5 * (m.q.min() + m.q.max()))
+
+    path = make_case(tmp_path, force, 3, '["inertia", "viscous"]')
+    case = read_case(path)
+    recorded = read_one(case.fit[0], case)
+    library = {term.key: term for term in case.library}
+    baseline = tuple(library[key] for key in case.baseline)
+    columns = design_of(recorded, baseline, ())
+    fast = columns[:, 0] - recorded.slow(columns[:, 0])
+    noise = fit_noise(np.random.default_rng(1).standard_normal(len(recorded.force)))
+    cable = fit_term(
+        term_problem(recorded, tabulate(recorded, (library["spring"],)), noise, columns), library["spring"]
+    )
+
+    def inertia(*fits: TermFit) -> float:
+        freed, given = for_search(recorded, baseline, fits)
+        assert given.shape == columns.shape
+        return float(fast @ (recorded.force - freed.force) / (fast @ fast))
+
+    assert abs(inertia() - 80.0) > 1.0
+    assert abs(inertia(cable) - 80.0) < 0.2
