@@ -100,7 +100,7 @@ def test_the_fast_part_of_an_acceleration_has_the_inertia_beside_the_terms_that_
     """A cable that is not in the baseline goes with the acceleration as far as that swings about one place."""
 
     def force(m: Moving) -> Array:
-        return plain(m) + 400.0 * (m.q - 0.5 * (m.q.min() + m.q.max()))
+        return np.asarray(plain(m) + 400.0 * (m.q - 0.5 * (m.q.min() + m.q.max())))
 
     path = make_case(tmp_path, force, 3, '["inertia", "viscous"]')
     case = read_case(path)

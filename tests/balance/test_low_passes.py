@@ -16,13 +16,14 @@ from tests.slow import slow
 from pmg.pipeline.commands.machines.terms import run_terms
 from pmg.pipeline.diagnosis.balance import low_passes
 from pmg.pipeline.diagnosis.balance.case_file import read_case
-from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
+from pmg.pipeline.diagnosis.balance.decide import _sure_part, diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline, terms_document
 from pmg.pipeline.diagnosis.balance.library.elastic import RESONANCE
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_remarks, low_pass_sentence
 from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried, try_low_passes
 from pmg.pipeline.diagnosis.balance.records.reading import KEPT, read_recordings
 from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
+from pmg.pipeline.diagnosis.balance.search_record import search_record
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.machine.channel import PrepareTable
 from pmg.sim.errors import RecordingError
@@ -108,7 +109,7 @@ def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts()
             contests=(),
             impossible=(),
             hangs_on_low_pass=hangs,
-            only_here=(),
+            left_out=(),
             case=SimpleNamespace(prepare=SimpleNamespace(low_pass_hz=20.0)),
         )
         return low_pass_sentence(found), low_pass_remarks(found)
@@ -197,12 +198,37 @@ def test_what_all_low_passes_name_is_named_where_it_is_most_of_the_mismatch(
     )
     found = diagnose_terms(case, *read_recordings(case), np.random.default_rng(1), tried)
     assert found.verdict is (Verdict.NAMED if named else Verdict.NOT_IN_LIBRARY)
-    assert [fit.identifier for fit in found.only_here] == ["coulomb"] * named
+    assert [fit.identifier for fit in found.left_out] == ["coulomb"] * named
     if named:
         assert [step.added for step in found.steps[1:]] == ["position_ripple"]
         assert "In the main: " in headline(found)
         assert "at 40 Hz more comes in: Coulomb friction; at 20 Hz the search says the same" in low_pass_sentence(found)
-        assert terms_document(found)["only_with_this_low_pass"] == ["coulomb"]
+        assert terms_document(found)["left_out"] == ["coulomb"]
+
+
+def test_a_part_is_what_every_part_of_the_record_and_every_low_pass_that_is_asked_names(tmp_path: Path) -> None:
+    def torque(m: Turning) -> Array:
+        return wheel.plain(m) + 0.03 * np.sin(m.angle) + 0.03 * np.sign(m.speed)
+
+    case = read_case(wheel.make_case(tmp_path, torque, channels=f"{wheel.VELOCITY}\n{wheel.ANGLE}\n{wheel.TORQUE}"))
+    found = search_record(case, read_recordings(case)[0], np.random.default_rng(1))
+    assert {fit.identifier for fit in found.named} == {"coulomb", "position_ripple"}
+    both = frozenset({"coulomb", "position_ripple"})
+
+    def named(by_parts: frozenset[str], *tried: tuple[float, str, float]) -> set[str] | None:
+        told: Any = SimpleNamespace(held_out=SimpleNamespace(in_every_part=by_parts))
+        sets = ((at, tuple(SimpleNamespace(identifier=name) for name in names.split()), p) for at, names, p in tried)
+        others = tuple(LowPassTried(at, 10, p, cast("tuple[TermFit, ...]", fits)) for at, fits, p in sets)
+        part = _sure_part(found, told, case, others)
+        return None if part is None else {fit.identifier for fit in part.named}
+
+    assert named(both) is None, "all of it"
+    assert named(frozenset({"coulomb", "delay"})) == {"coulomb"}
+    assert named(frozenset({"delay"})) is None, "nothing of it"
+    half, twice = (20.0, "position_ripple", 0.01), (80.0, f"{RESONANCE} delay", 0.01)
+    assert named(both, half, twice) == {"position_ripple"}, "a resonance hides what is lower"
+    assert named(both, (20.0, "delay", 0.01), twice) is None
+    assert named(both, (20.0, "delay", 0.06), (80.0, "coulomb delay", 0.01)) == {"coulomb"}, "half sees no mismatch"
 
 
 @pytest.mark.parametrize(

@@ -80,8 +80,9 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
         What the search says with other low-passes, where that was asked.
     hangs_on_low_pass : bool
         Whether a cause was found that neither half the low-pass nor twice names: then nothing is named.
-    only_here : tuple of TermFit
-        Terms that the search found as well, which the other low-passes do not name both, and that no proof bore out.
+    left_out : tuple of TermFit
+        Terms that the search found as well, where some part of the record or another low-pass does not name them and no
+        proof bore out all together.
     """
 
     case: Case
@@ -100,7 +101,7 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     free_runs: tuple[FreeRun, ...] = ()
     low_passes: tuple[LowPassTried, ...] = ()
     hangs_on_low_pass: bool = False
-    only_here: tuple[TermFit, ...] = ()
+    left_out: tuple[TermFit, ...] = ()
 
     @property
     def last_word(self) -> str:
@@ -129,23 +130,28 @@ def diagnose_terms(
     low_passes : tuple of LowPassTried
         What the search says with half the low-pass and with twice, where that was asked.
     """
-    whole = search_record(case, recorded, rng)
-    d = _judged(whole, case, recorded, withheld, rng, low_passes)
-    part = _in_all(whole, low_passes) if d.verdict is Verdict.NOT_IN_LIBRARY else None
-    if part is None:
-        return d
-    less = _judged(part, case, recorded, withheld, rng, low_passes)
-    ids = {fit.identifier for fit in part.named}
-    here = tuple(fit for fit in whole.named if fit.identifier not in ids)
-    return replace(less, only_here=here) if less.verdict.names else d
+    whole = part = search_record(case, recorded, rng)
+    whole_told = told = _judged(whole, case, recorded, withheld, rng, low_passes)
+    while told.verdict is Verdict.NOT_IN_LIBRARY:
+        smaller = _sure_part(part, told, case, low_passes)
+        if smaller is None:
+            return whole_told
+        part, told = smaller, _judged(smaller, case, recorded, withheld, rng, low_passes)
+    kept = {fit.identifier for fit in part.named}
+    return replace(told, left_out=tuple(fit for fit in whole.named if fit.identifier not in kept))
 
 
-def _in_all(s: Searched, low_passes: tuple[LowPassTried, ...]) -> Searched | None:
-    """The search with those of its terms that both other low-passes name; None where that is all of them, or none."""
-    others = _sets_of(low_passes, s.mismatch.false_alarm_rate)
+def _sure_part(s: Searched, told: TermsDiagnosis, case: Case, low_passes: tuple[LowPassTried, ...]) -> Searched | None:
+    """The search with those of its terms that all parts of the record and other low-passes name; None without fewer.
+
+    A higher low-pass that lets in a resonance may hide the others: it is not asked.
+    """
+    seen = [each for each in low_passes if each.p_value <= s.mismatch.false_alarm_rate]
+    asked = [each.ids for each in seen if not each.lets_in_a_resonance(case.prepare.low_pass_hz)]
     named = frozenset(fit.identifier for fit in s.named)
-    ids = named.intersection(*others)
-    if s.found is None or len(others) < len(FACTORS) or not ids or ids == named:
+    by_parts = named if told.held_out is None else told.held_out.in_every_part
+    ids = named.intersection(by_parts, *asked)
+    if s.found is None or not ids or ids == named:
         return None
     found = name_part(s.problem, TermCatalogue(), s.found, ids, adequacy_test(s.evidence))
     return replace(s, found=found, named=found.best.fits)
@@ -227,14 +233,9 @@ def _decoys(s: Searched, found: TermNaming, recorded: Recorded, rng: np.random.G
     return offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, s.noise.noise, rng))
 
 
-def _sets_of(low_passes: tuple[LowPassTried, ...], limit: float) -> list[frozenset[str]]:
-    """Ids that other low-passes name, of those that see a mismatch."""
-    return [each.ids for each in low_passes if each.p_value <= limit]
-
-
 def _none_names(named: tuple[TermFit, ...], low_passes: tuple[LowPassTried, ...], limit: float) -> bool:
     """Whether both other low-passes see a mismatch, and none names the same terms, or more while both name a part."""
-    others, ids = _sets_of(low_passes, limit), {fit.identifier for fit in named}
+    others, ids = [each.ids for each in low_passes if each.p_value <= limit], {fit.identifier for fit in named}
     more = any(ids <= other for other in others) and all(ids & other for other in others)
     return len(others) == len(FACTORS) and ids not in others and not more
 

@@ -70,7 +70,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         "left_over": {"p_value": diagnosis.left_over.p_value, "locations": _places(diagnosis.left_over)},
         "free_runs": _free_runs(diagnosis),
         "low_passes": [each.document for each in diagnosis.low_passes],
-        "only_with_this_low_pass": [fit.identifier for fit in diagnosis.only_here],
+        "left_out": [fit.identifier for fit in diagnosis.left_out],
         "decoys": {
             "tried": diagnosis.further_decoys.tried,
             "entered": diagnosis.further_decoys.entered,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.diagnosis.balance.library.elastic import RESONANCE
 from pmg.pipeline.diagnosis.balance.titles import titles_of
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.recording.remark import Remark
@@ -39,7 +38,7 @@ def said_with(d: TermsDiagnosis, tried: LowPassTried) -> str:
         return f"more comes in: {_titles(fit for fit in tried.fits if fit.identifier not in leading)}"
     if tried.ids < leading:
         return f"less is seen: {terms}"
-    if _lets_in_a_resonance(d, tried):
+    if tried.lets_in_a_resonance(d.case.prepare.low_pass_hz):
         return f"noise or a resonance may have come in: {terms}"
     return f"the search names {terms}{'' if tried.explained else ', which does not explain it'}"
 
@@ -74,15 +73,13 @@ def _may_explain(d: TermsDiagnosis, tried: LowPassTried) -> bool:
     return nothing_leads and tried.explained and not tried.impossible and bool(tried.fits) and sizes
 
 
-def _lets_in_a_resonance(d: TermsDiagnosis, tried: LowPassTried) -> bool:
-    return tried.low_pass_hz > d.case.prepare.low_pass_hz and RESONANCE in tried.ids
-
-
 def _contradicts(d: TermsDiagnosis, tried: LowPassTried) -> bool:
     """Whether another low-pass names other terms where it sees a mismatch, and lets in nothing that would hide them."""
     same = not _leads(d) or tried.p_value > d.mismatch.false_alarm_rate or said_with(d, tried) == SAME
     leading = _leading(d)
-    return not (same or leading < tried.ids or tried.ids < leading or _lets_in_a_resonance(d, tried))
+    return not (
+        same or leading < tried.ids or tried.ids < leading or tried.lets_in_a_resonance(d.case.prepare.low_pass_hz)
+    )
 
 
 def low_pass_sentence(d: TermsDiagnosis) -> str:
@@ -90,13 +87,13 @@ def low_pass_sentence(d: TermsDiagnosis) -> str:
     if not d.low_passes:
         return ""
     told = [(f"{each.low_pass_hz:g} Hz", said_with(d, each)) for each in d.low_passes]
-    if all(said == SAME for _, said in told) and not d.only_here:
+    if all(said == SAME for _, said in told) and not d.left_out:
         return f"With a low-pass of {' or '.join(at for at, _ in told)} {SAME}."
     others, own = "; ".join(f"at {at} {said}" for at, said in told), f"{d.case.prepare.low_pass_hz:g} Hz"
     if _hangs(d):
         return f"It hangs on the low-pass of {own}: {others}."
-    if d.only_here:
-        return f"What all low-passes name is named; at {own} more comes in: {_titles(d.only_here)}; {others}."
+    if d.left_out:
+        return f"Named is what all parts and low-passes name; at {own} more comes in: {_titles(d.left_out)}; {others}."
     return f"Another low-pass: {others}."
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.balance.estimate import fit_together, impossible_in
+from pmg.pipeline.diagnosis.balance.library.elastic import RESONANCE
 from pmg.pipeline.diagnosis.balance.records.reading import KEPT, read_recordings
 from pmg.pipeline.diagnosis.balance.search_record import search_record
 from pmg.sim.errors import RecordingError
@@ -65,6 +66,10 @@ class LowPassTried:
     def ids(self) -> frozenset[str]:
         """Ids of the terms."""
         return frozenset(fit.identifier for fit in self.fits)
+
+    def lets_in_a_resonance(self, low_pass_hz: float) -> bool:
+        """Whether it lies above another low-pass and names what a resonance does."""
+        return self.low_pass_hz > low_pass_hz and RESONANCE in self.ids
 
     @property
     def document(self) -> dict[str, Any]:

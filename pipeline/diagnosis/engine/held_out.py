@@ -57,6 +57,8 @@ class HeldOut:
         Rows that tell a mean of squares as well as one whose noise is its own.
     kept : float
         Part of the choices made without a part of the rows that agree with the choice on all of them.
+    in_every_part : frozenset of str
+        Ids that are chosen without any of the parts.
     elsewhere : tuple of tuple of candidates
         Where too few agree: the sets that were chosen instead, most frequent first.
     fall : float
@@ -74,6 +76,7 @@ class HeldOut:
     count: int = 0
     for_one: float = 1.0
     kept: float = 1.0
+    in_every_part: frozenset[str] = frozenset()
     elsewhere: tuple[tuple[Any, ...], ...] = ()
     fall: float = 0.0
 

@@ -180,6 +180,7 @@ def withhold(
         expected_after=_expected(scale, reach_after, touched),
         for_one=rows.for_one,
         kept=kept / tries,
+        in_every_part=frozenset.intersection(*(frozenset(fit.identifier for fit in found) for found in sets)),
         elsewhere=() if kept >= STEADY * tries else _elsewhere(sets, named),
     )
 
