@@ -24,7 +24,7 @@ from pmg.pipeline.diagnosis.engine.adequacy import Remainder
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
 from pmg.pipeline.diagnosis.engine.explanation import Explanation, rivals_near
-from pmg.pipeline.diagnosis.engine.naming import Naming
+from pmg.pipeline.diagnosis.engine.found_set import Naming
 from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem
 from pmg.pipeline.diagnosis.engine.scan import ABSORBED, MINIMUM_ROOM, Scan, make_scan
 from pmg.pipeline.diagnosis.grid.evidence import both_shafts

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 
+from pmg.pipeline.fit.span import lengths
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
@@ -163,8 +164,7 @@ def _bend(
 
 def _newton(curvature: Array, slopes: Array, left: Array) -> Array:
     """The step (j,) to where the gradient vanishes, along directions that curve upwards."""
-    length = np.linalg.norm(slopes, axis=0)
-    length[length == 0.0] = 1.0
+    length = lengths(slopes)
     bent, way = np.linalg.eigh(curvature / np.outer(length, length))
     sure = bent > FLAT * bent.max(initial=0.0)
     along = way[:, sure]

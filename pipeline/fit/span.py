@@ -42,6 +42,12 @@ def taken_out(columns: Array, values: Array, tolerance: float = 1e-6) -> tuple[A
     return values, len(squares)
 
 
+def lengths(columns: Array) -> Array:
+    """Length of each column (k,); 1 for one of zeros."""
+    length = np.linalg.norm(columns, axis=0)
+    return np.where(length == 0.0, 1.0, length)
+
+
 def _unit(columns: Array) -> Array:
     """Columns brought to unit length; those of zeros are left out."""
     length = np.linalg.norm(columns, axis=0)
@@ -57,6 +63,5 @@ def _directions(columns: Array, tolerance: float) -> tuple[Array, Array]:
 
 def pseudo_inverse(columns: Array, tolerance: float = 1e-9) -> Array:
     """Inverse (k, m) of columns (m, k) by least squares, each first brought to unit length; zero for one of zeros."""
-    length = np.linalg.norm(columns, axis=0)
-    length[length == 0.0] = 1.0
+    length = lengths(columns)
     return np.asarray(np.linalg.pinv(columns / length, rcond=tolerance) / length[:, None])

@@ -15,15 +15,16 @@ from tests.slow import slow
 
 from pmg.pipeline.commands.machines.terms import run_terms
 from pmg.pipeline.diagnosis.balance import low_passes
+from pmg.pipeline.diagnosis.balance.borne_out import sure_part
 from pmg.pipeline.diagnosis.balance.case_file import read_case
-from pmg.pipeline.diagnosis.balance.decide import _sure_part, diagnose_terms
+from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline, terms_document
 from pmg.pipeline.diagnosis.balance.library.elastic import RESONANCE
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_remarks, low_pass_sentence
 from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried, try_low_passes
 from pmg.pipeline.diagnosis.balance.records.reading import KEPT, read_recordings
 from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
-from pmg.pipeline.diagnosis.balance.search_record import search_record
+from pmg.pipeline.diagnosis.balance.search_record import Searched, search_record
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.machine.channel import PrepareTable
 from pmg.sim.errors import RecordingError
@@ -109,7 +110,6 @@ def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts()
             contests=(),
             impossible=(),
             hangs_on_low_pass=hangs,
-            left_out=(),
             case=SimpleNamespace(prepare=SimpleNamespace(low_pass_hz=20.0)),
         )
         return low_pass_sentence(found), low_pass_remarks(found)
@@ -151,6 +151,8 @@ def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts()
     [
         ((("delay",), ("delay", "coulomb")), False),
         ((("coulomb", "backlash"), ("delay", "coulomb")), True),
+        ((("coulomb", "backlash"), (RESONANCE, "delay")), True),
+        ((("backlash",), (RESONANCE, "delay")), False),
         ((("coulomb",), ("delay",)), True),
         ((("delay",),), True),
         ((("delay",), None), True),
@@ -163,10 +165,10 @@ def test_what_neither_half_the_low_pass_nor_twice_names_is_not_named(
     case = read_case(wheel.make_case(tmp_path, dry, terms='["inertia", "viscous"]'))
     fits = {
         name: SimpleNamespace(identifier=name, candidate=SimpleNamespace(title=name))
-        for name in ("coulomb", "delay", "backlash")
+        for name in ("coulomb", "delay", "backlash", RESONANCE)
     }
     tried = tuple(
-        LowPassTried(10.0 * (k + 1), 10, 0.5 if each is None else 0.002, tuple(fits[name] for name in each or ()))  # type: ignore[misc]
+        LowPassTried(20.0 + 60.0 * k, 10, 0.5 if each is None else 0.002, tuple(fits[name] for name in each or ()))  # type: ignore[misc]
         for k, each in enumerate(others)
     )
     found = diagnose_terms(case, *read_recordings(case), np.random.default_rng(1), tried)
@@ -202,7 +204,7 @@ def test_what_all_low_passes_name_is_named_where_it_is_most_of_the_mismatch(
     if named:
         assert [step.added for step in found.steps[1:]] == ["position_ripple"]
         assert "In the main: " in headline(found)
-        assert "at 40 Hz more comes in: Coulomb friction; at 20 Hz the search says the same" in low_pass_sentence(found)
+        assert "Not named: Coulomb friction, which not every quarter" in headline(found)
         assert terms_document(found)["left_out"] == ["coulomb"]
 
 
@@ -214,17 +216,20 @@ def test_a_part_is_what_every_part_of_the_record_and_every_low_pass_that_is_aske
     found = search_record(case, read_recordings(case)[0], np.random.default_rng(1))
     assert {fit.identifier for fit in found.named} == {"coulomb", "position_ripple"}
     both = frozenset({"coulomb", "position_ripple"})
+    assert found.found is not None
+    alone = replace(found, found=replace(found.found, rivals=()))
 
-    def named(by_parts: frozenset[str], *tried: tuple[float, str, float]) -> set[str] | None:
-        told: Any = SimpleNamespace(held_out=SimpleNamespace(in_every_part=by_parts))
+    def named(by_parts: frozenset[str], *tried: tuple[float, str, float], of: Searched = alone) -> set[str] | None:
         sets = ((at, tuple(SimpleNamespace(identifier=name) for name in names.split()), p) for at, names, p in tried)
         others = tuple(LowPassTried(at, 10, p, cast("tuple[TermFit, ...]", fits)) for at, fits, p in sets)
-        part = _sure_part(found, told, case, others)
+        part = sure_part(of, by_parts, case, others)
         return None if part is None else {fit.identifier for fit in part.named}
 
     assert named(both) is None, "all of it"
     assert named(frozenset({"coulomb", "delay"})) == {"coulomb"}
     assert named(frozenset({"delay"})) is None, "nothing of it"
+    assert [rival.ids for rival in found.found.rivals] == [{"stribeck", "position_ripple"}]
+    assert named(both, of=found) == {"position_ripple"}, "a rival has another friction"
     half, twice = (20.0, "position_ripple", 0.01), (80.0, f"{RESONANCE} delay", 0.01)
     assert named(both, half, twice) == {"position_ripple"}, "a resonance hides what is lower"
     assert named(both, (20.0, "delay", 0.01), twice) is None

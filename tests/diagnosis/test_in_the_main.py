@@ -13,8 +13,8 @@ from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
 from pmg.pipeline.diagnosis.engine.adequacy import Remainder
 from pmg.pipeline.diagnosis.engine.conclusion import conclude, in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.explanation import Explanation
+from pmg.pipeline.diagnosis.engine.found_set import Naming
 from pmg.pipeline.diagnosis.engine.held_out import HeldOut
-from pmg.pipeline.diagnosis.engine.naming import Naming
 from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.rivals import NOT_PROVED, TOO_WEAK, why_weak

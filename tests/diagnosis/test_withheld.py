@@ -11,7 +11,7 @@ from tests.recovery.test_planted import NATURE, analysed
 
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
 from pmg.pipeline.diagnosis.engine.held_out import unpredicted, withheld_left
-from pmg.pipeline.diagnosis.engine.withheld import withhold
+from pmg.pipeline.diagnosis.engine.withheld import _reach, withhold
 from pmg.pipeline.diagnosis.grid.candidates import candidates, grid_problem
 from pmg.pipeline.diagnosis.grid.catalogue import MECHANISMS
 from pmg.pipeline.diagnosis.grid.fitting import fit_candidate, settled_fit
@@ -85,3 +85,16 @@ def test_what_training_rows_hold_a_trace_of_predicts_nothing() -> None:
         left = withheld_left(y, columns, scale, fold, 4)
         assert left[fold == 2] == pytest.approx(unpredicted(y, columns[:, :1], scale, fold != 2)[fold == 2], rel=1e-3)
         assert np.abs(left).max() < 10.0
+
+
+def test_rows_along_what_training_rows_do_not_show_are_out_of_reach() -> None:
+    """Not those that have nothing of it, and none for columns that are the same everywhere."""
+    rng = np.random.default_rng(6)
+    scale, level = rng.uniform(0.5, 2.0, 400), rng.uniform(0.5, 1.5, 400)
+    test = np.arange(400) >= 300
+    some = np.where(test & (np.arange(400) % 2 == 0), 1e-6, 0.0)
+    seen = _reach(np.column_stack([level, 2.0 * level]), scale, ~test, test)
+    assert seen.max() < 1.0
+    reach = _reach(np.column_stack([level, some]), scale, ~test, test)
+    assert np.isinf(reach[::2]).all()
+    assert reach[1::2] == pytest.approx(seen[1::2])

@@ -10,6 +10,7 @@ from pmg.pipeline.diagnosis.balance.causes import named_causes, near_causes
 from pmg.pipeline.diagnosis.balance.document import hanging, headline, percent
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_sentence
 from pmg.pipeline.diagnosis.balance.parts import ONE_SHAFT, TWO_SHAFTS, part_of
+from pmg.pipeline.diagnosis.balance.titles import left_out_sentence
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.rivals import why_not_named
@@ -131,10 +132,12 @@ def _sureness(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[
         yield f"p ≤ {d.mismatch.p_value:.2g}, from {counted(d.mismatch.draws, 'synthetic record')}."
     else:
         yield f"p = {d.mismatch.p_value:.2g}, from {counted(d.mismatch.draws, 'synthetic record')}."
-    if not d.impossible and (record := track_record(d, OF_MACHINES)) is not None:
+    if not (d.impossible or d.left_out) and (record := track_record(d, OF_MACHINES)) is not None:
         yield record.sentence
     if d.verdict.names and (main := in_the_main_sentence(d.naming, d.held_out)):
         yield main
+    if left_out := left_out_sentence(d):
+        yield left_out
     if told := low_pass_sentence(d):
         yield told
     if d.left_over.found and d.naming is not None:

@@ -11,7 +11,8 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem, fit_term
 from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
 from pmg.pipeline.diagnosis.engine.explanation import Explanation
-from pmg.pipeline.diagnosis.engine.naming import FIRST_OF_PAIRS, Naming
+from pmg.pipeline.diagnosis.engine.found_set import Naming
+from pmg.pipeline.diagnosis.engine.naming import FIRST_OF_PAIRS
 
 if TYPE_CHECKING:
     from collections.abc import Collection

@@ -13,7 +13,7 @@ from pmg.pipeline.diagnosis.balance.estimate import Estimate, FittedTerms, fit_t
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.balance.proof import held_out, set_against
 from pmg.pipeline.diagnosis.engine.explanation import explain_with
-from pmg.pipeline.diagnosis.engine.naming import margin_beside
+from pmg.pipeline.diagnosis.engine.found_set import margin_beside
 from pmg.pipeline.diagnosis.engine.problem import freed
 
 if TYPE_CHECKING:

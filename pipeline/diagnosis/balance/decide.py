@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.balance.borne_out import none_names, sure_part
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, Twins, find_twins
 from pmg.pipeline.diagnosis.balance.contest import BalanceData, Contest, ModelStep, contest, model_step, refine, settled
 from pmg.pipeline.diagnosis.balance.estimate import design_of, impossible_in
@@ -14,7 +15,6 @@ from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.balance.free_run import free_run, of_fit, of_published
 from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
-from pmg.pipeline.diagnosis.balance.low_passes import FACTORS
 from pmg.pipeline.diagnosis.balance.mismatch import find_mismatch, record_evidence
 from pmg.pipeline.diagnosis.balance.proof import FurtherDecoys, surrogate_decoys, try_decoys, withheld_samples
 from pmg.pipeline.diagnosis.balance.records.zero import ZERO
@@ -23,7 +23,6 @@ from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
 from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, conclude
 from pmg.pipeline.diagnosis.engine.decoys import offer_decoys
-from pmg.pipeline.diagnosis.engine.part_of_set import name_part
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 
@@ -79,10 +78,10 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     low_passes : tuple of LowPassTried
         What the search says with other low-passes, where that was asked.
     hangs_on_low_pass : bool
-        Whether a cause was found that neither half the low-pass nor twice names: then nothing is named.
+        Whether a cause was found that neither half the low-pass nor twice bears out: then nothing is named.
     left_out : tuple of TermFit
-        Terms that the search found as well, where some part of the record or another low-pass does not name them and no
-        proof bore out all together.
+        Terms that the search found beside those of the last step, and that a quarter of the record, another low-pass or
+        a rival leaves out: together they did not stand the proof, or hung on the low-pass.
     """
 
     case: Case
@@ -133,28 +132,14 @@ def diagnose_terms(
     whole = part = search_record(case, recorded, rng)
     whole_told = told = _judged(whole, case, recorded, withheld, rng, low_passes)
     while told.verdict is Verdict.NOT_IN_LIBRARY:
-        smaller = _sure_part(part, told, case, low_passes)
+        if told.impossible or told.held_out is None:
+            return whole_told
+        smaller = sure_part(part, told.held_out.in_every_part, case, low_passes)
         if smaller is None:
             return whole_told
         part, told = smaller, _judged(smaller, case, recorded, withheld, rng, low_passes)
     kept = {fit.identifier for fit in part.named}
     return replace(told, left_out=tuple(fit for fit in whole.named if fit.identifier not in kept))
-
-
-def _sure_part(s: Searched, told: TermsDiagnosis, case: Case, low_passes: tuple[LowPassTried, ...]) -> Searched | None:
-    """The search with those of its terms that all parts of the record and other low-passes name; None without fewer.
-
-    A higher low-pass that lets in a resonance may hide the others: it is not asked.
-    """
-    seen = [each for each in low_passes if each.p_value <= s.mismatch.false_alarm_rate]
-    asked = [each.ids for each in seen if not each.lets_in_a_resonance(case.prepare.low_pass_hz)]
-    named = frozenset(fit.identifier for fit in s.named)
-    by_parts = named if told.held_out is None else told.held_out.in_every_part
-    ids = named.intersection(by_parts, *asked)
-    if s.found is None or not ids or ids == named:
-        return None
-    found = name_part(s.problem, TermCatalogue(), s.found, ids, adequacy_test(s.evidence))
-    return replace(s, found=found, named=found.best.fits)
 
 
 def _judged(
@@ -189,7 +174,7 @@ def _judged(
             contests = contest(data, s.problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
     impossible = impossible_in(steps[-1].fitted)
-    hangs = verdict is Verdict.NAMED and not impossible and _none_names(named, low_passes, s.mismatch.false_alarm_rate)
+    hangs = verdict is Verdict.NAMED and not impossible and none_names(s, case, low_passes)
     if impossible or hangs:
         verdict = Verdict.NOT_IN_LIBRARY
     last = settled(s.problem, (refinements or steps)[-1].fitted.fits)
@@ -231,13 +216,6 @@ def _further_decoys(
 def _decoys(s: Searched, found: TermNaming, recorded: Recorded, rng: np.random.Generator) -> Decoys | None:
     """Decoys: waves of random phase, which stand for no cause, offered together with the library."""
     return offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, s.noise.noise, rng))
-
-
-def _none_names(named: tuple[TermFit, ...], low_passes: tuple[LowPassTried, ...], limit: float) -> bool:
-    """Whether both other low-passes see a mismatch, and none names the same terms, or more while both name a part."""
-    others, ids = [each.ids for each in low_passes if each.p_value <= limit], {fit.identifier for fit in named}
-    more = any(ids <= other for other in others) and all(ids & other for other in others)
-    return len(others) == len(FACTORS) and ids not in others and not more
 
 
 def _twins_told(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.balance.estimate import impossible_in
 from pmg.pipeline.diagnosis.balance.records.zero import zero_lines
-from pmg.pipeline.diagnosis.balance.titles import separating_test, title_of, titled, titles_of
+from pmg.pipeline.diagnosis.balance.titles import left_out_sentence, separating_test, title_of, titled, titles_of
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.fit.document import number
@@ -206,7 +206,7 @@ def headline(diagnosis: TermsDiagnosis) -> str:
             apart = "; or ".join(words or "nothing" for words in each_apart)
             head = f"Ambiguous: {sure}, and besides {apart}." if sure else f"Ambiguous: {apart}."
     main = in_the_main_sentence(diagnosis.naming, diagnosis.held_out) if diagnosis.verdict.names else ""
-    sentences = (*_impossible(diagnosis), head, main, _errors(diagnosis, first, last))
+    sentences = (*_impossible(diagnosis), head, main, left_out_sentence(diagnosis), _errors(diagnosis, first, last))
     return " ".join(sentence for sentence in sentences if sentence)
 
 

@@ -14,6 +14,7 @@ from pmg.pipeline.diagnosis.balance.library.term import NOISY
 from pmg.pipeline.diagnosis.balance.serial import covariance_of
 from pmg.pipeline.diagnosis.engine.held_out import solve
 from pmg.pipeline.diagnosis.engine.withheld import BLOCKS
+from pmg.pipeline.fit.span import lengths
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
@@ -256,8 +257,7 @@ def _solve_quiet(
     quiet, columns, y = noise.even(quiet), noise.even(columns), noise.even(y)
     if plain:
         return solve(columns, y)
-    length = np.linalg.norm(columns, axis=0)
-    length[length == 0.0] = 1.0
+    length = lengths(columns)
     return np.asarray(solve((quiet / length).T @ (columns / length), (quiet / length).T @ y) / length)
 
 

@@ -87,13 +87,11 @@ def low_pass_sentence(d: TermsDiagnosis) -> str:
     if not d.low_passes:
         return ""
     told = [(f"{each.low_pass_hz:g} Hz", said_with(d, each)) for each in d.low_passes]
-    if all(said == SAME for _, said in told) and not d.left_out:
+    if all(said == SAME for _, said in told):
         return f"With a low-pass of {' or '.join(at for at, _ in told)} {SAME}."
-    others, own = "; ".join(f"at {at} {said}" for at, said in told), f"{d.case.prepare.low_pass_hz:g} Hz"
+    others = "; ".join(f"at {at} {said}" for at, said in told)
     if _hangs(d):
-        return f"It hangs on the low-pass of {own}: {others}."
-    if d.left_out:
-        return f"Named is what all parts and low-passes name; at {own} more comes in: {_titles(d.left_out)}; {others}."
+        return f"It hangs on the low-pass of {d.case.prepare.low_pass_hz:g} Hz: {others}."
     return f"Another low-pass: {others}."
 
 

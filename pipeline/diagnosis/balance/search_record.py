@@ -43,6 +43,12 @@ def _free_terms(case: Case) -> tuple[Term[Motion], ...]:
     return tuple(t for name in case.baseline for t in case.library if t.key == name and name not in case.fixed)
 
 
+def _shows_gain(case: Case) -> bool:
+    """Whether a size is known that does not grow with the gain of the drive: neither its zero, nor a fault of it."""
+    sure = (each for each in case.known if not each.term.of_model and each.term.identifier != ZERO)
+    return any(case.fixed.values()) or any(np.any(each.amplitudes) for each in sure)
+
+
 def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
     """Terms that may be named; one whose amplitudes are taken as known may be off by what their bounds allow.
 
@@ -63,7 +69,7 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
             continue
         if one_way and term.both_ways:
             continue
-        if term.identifier == GAIN and not known and not case.known:
+        if term.identifier == GAIN and not _shows_gain(case):
             continue
         if not set(term.needs) <= set(channels) or (case.own_zeros and term.identifier == ZERO):
             continue
@@ -106,14 +112,16 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
     tables = tabulate(recorded, searched, coarse=True)
     turned = reversals(recorded, case.axis.rises)
     named: tuple[TermFit, ...] = ()
-    given, (_, columns) = recorded, for_search(recorded, free, named)
+    given = recorded
+    recorded, columns = for_search(given, free, named)
     plain = np.hstack([columns, turned])
     smooth = (table for table in tables.values() if not table.term.variant and not table.term.sharp)
     allowed = [table.columns.reshape(len(plain), -1) for table in smooth]
     structured = np.hstack([plain, *(f.columns for f in looked), *allowed])
     found: TermNaming | None = None
     for turn in range(2):
-        recorded, _ = for_search(given, free, named)
+        if named:
+            recorded, _ = for_search(given, free, named)
         noise = noise_of(recorded.force, structured, recorded.breaks[1:], recorded.own_noise)
         null = noise.whitened_draws(DRAWS, rng)
         problem = term_problem(recorded, tables, noise.noise, plain)
@@ -126,9 +134,9 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
             tables = tabulate(recorded, searched)
             problem = term_problem(recorded, tables, noise.noise, plain)
         found = name_candidates(problem, TermCatalogue(), adequacy_test(evidence))
-        if found.best.ids == {fit.identifier for fit in named}:
+        before, named = {fit.identifier for fit in named}, found.best.fits
+        if found.best.ids == before:
             break
-        named = found.best.fits
         structured = np.hstack([structured, design_of(recorded, (), named)]) if named else structured
     basis, left = freed(noise.noise.whiten(columns), noise.noise.whiten(recorded.force[:, None])[:, 0])
     for_refinements = replace(problem, baseline=basis, left=left)

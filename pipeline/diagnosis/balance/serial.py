@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
+from pmg.pipeline.fit.span import lengths
 from pmg.sim.sources import Source
 
 if TYPE_CHECKING:
@@ -186,8 +187,7 @@ def covariance_of(design: Array, left: Array, values: Array, blocks: int, instru
     :math:`\hat\theta_{(b)}` without block :math:`b` (Künsch 1989). Unlike a sum of scores it is not too small where
     few rows tell a parameter; one that a single block tells is zero without it.
     """
-    length = np.linalg.norm(design, axis=0)
-    length[length == 0.0] = 1.0
+    length = lengths(design)
     unit = design / length
     with_rest = unit if instruments is None else instruments / length
     whole, scaled = with_rest.T @ unit, values * length

@@ -24,6 +24,13 @@ def titles_of(fits: Iterable[TermFit]) -> str:
     return " and ".join(titled(fit.candidate) for fit in fits)
 
 
+def left_out_sentence(diagnosis: TermsDiagnosis) -> str:
+    """What the search found as well and is not named; empty where nothing was left out."""
+    if not diagnosis.left_out:
+        return ""
+    return f"Not named: {titles_of(diagnosis.left_out)}, which not every quarter of the record and low-pass shows."
+
+
 def titled(term: Term[Any]) -> str:
     """Name of a term for people, in lower case."""
     return term.title if term.title.startswith("Coulomb") else uncapitalised(term.title)

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
     from pmg.pipeline.diagnosis.engine.decoys import Decoys
     from pmg.pipeline.diagnosis.engine.explanation import Explanation
+    from pmg.pipeline.diagnosis.engine.found_set import Naming
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
-    from pmg.pipeline.diagnosis.engine.naming import Naming
     from pmg.pipeline.diagnosis.engine.verdict import Absorbed
 
 KNOWN = 0.7

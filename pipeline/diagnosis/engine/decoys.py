@@ -15,7 +15,7 @@ from pmg.pipeline.fit.span import orthonormal
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pmg.pipeline.diagnosis.engine.naming import Naming
+    from pmg.pipeline.diagnosis.engine.found_set import Naming
     from pmg.pipeline.diagnosis.engine.problem import WhitenedProblem
     from pmg.sim.signals import Array
 

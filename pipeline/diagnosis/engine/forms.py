@@ -15,7 +15,7 @@ from pmg.pipeline.diagnosis.engine.problem import F, P
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest
     from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
-    from pmg.pipeline.diagnosis.engine.naming import Naming
+    from pmg.pipeline.diagnosis.engine.found_set import Naming
 
 
 def with_free_laws(

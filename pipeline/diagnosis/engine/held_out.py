@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.fit.span import lengths
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -58,7 +60,7 @@ class HeldOut:
     kept : float
         Part of the choices made without a part of the rows that agree with the choice on all of them.
     in_every_part : frozenset of str
-        Ids that are chosen without any of the parts.
+        Ids that are chosen whichever part is withheld.
     elsewhere : tuple of tuple of candidates
         Where too few agree: the sets that were chosen instead, most frequent first.
     fall : float
@@ -170,14 +172,8 @@ def gain_interval(
     return float(low), float(high)
 
 
-def lengths(columns: Array) -> Array:
-    """Length of each column (k,); 1 for one of zeros."""
-    length = np.linalg.norm(columns, axis=0)
-    return np.where(length == 0.0, 1.0, length)
-
-
 def solve(design: Array, y: Array, length: Array | None = None) -> Array:
-    """Least squares; directions the rows do not determine stay at zero, where columns have their unit, or are equal."""
+    """Least squares, columns first divided by `length` or their own; what rows do not determine stays at zero."""
     unit = lengths(design) if length is None else length
     return np.asarray(np.linalg.lstsq(design / unit, y, rcond=LEAST_SIZE)[0] / unit)
 

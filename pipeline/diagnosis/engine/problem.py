@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from pmg.pipeline.fit.span import orthonormal
+from pmg.pipeline.fit.span import lengths, orthonormal
 
 if TYPE_CHECKING:
     from typing import Self
@@ -144,8 +144,7 @@ def bounded_sizes(seen: Array, left: Array, bounds: Array) -> tuple[float, Array
     rest = left - seen[:, ~free] @ sizes[~free]
     if not free.any():
         return float(rest @ rest), sizes
-    length = np.linalg.norm(seen[:, free], axis=0)
-    length[length == 0.0] = 1.0
+    length = lengths(seen[:, free])
     low, high = bounds[:, free]
     found = lsq_linear(seen[:, free] / length, rest, bounds=(low * length, high * length), method="bvls")
     sizes[free] = np.clip(found.x / length, low, high)

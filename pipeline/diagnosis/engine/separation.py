@@ -9,6 +9,7 @@ import numpy as np
 from scipy import stats
 
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
+from pmg.pipeline.fit.span import lengths
 
 if TYPE_CHECKING:
     from pmg.sim.signals import Array
@@ -26,8 +27,7 @@ def power_to_separate(noncentrality: float, margin: float = MARGIN) -> float:
 
 def squares_beyond(effects: Array, columns: Array) -> Array:
     """Squared lengths (q,) of what free columns (m, k) leave of effects (m, q)."""
-    length = np.linalg.norm(columns, axis=0)
-    length[length == 0.0] = 1.0
+    length = lengths(columns)
     scale = np.outer(length, length)
     inverse = np.linalg.pinv((columns.T @ columns) / scale, rcond=1e-12, hermitian=True)
     along = (columns.T @ effects) / length[:, None]

@@ -15,13 +15,13 @@ from pmg.pipeline.diagnosis.engine.held_out import (
     LEAST_SIZE,
     HeldOut,
     compared,
-    lengths,
     touched_blocks,
     training_rows,
     unpredicted,
     withheld_left,
 )
 from pmg.pipeline.diagnosis.engine.problem import F, P
+from pmg.pipeline.fit.span import lengths
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
@@ -39,6 +39,9 @@ FOLDS = 4
 FARTHEST = 2.0
 """Standard deviation of a withheld prediction, in noise of the row, beyond which the row is not looked at: a fit is not
 asked to reach beyond its data."""
+
+UNSEEN_PART = 1e-4
+"""Part of a row along directions that training rows do not show, from which on it cannot be predicted."""
 
 LOST = 0.1
 """Part of the rows that may be beyond the reach of what the other folds name; where more are, all count."""
@@ -224,11 +227,17 @@ def _placebo_gain(
 
 
 def _reach(columns: Array, scale: Array, train: Mask, test: Mask, spread: Array | None = None) -> Array:
-    """Standard deviation with which the training rows predict the baseline of the test rows, over their noise."""
+    """Standard deviation with which the training rows predict the baseline of the test rows, over their noise.
+
+    Infinite where a test row lies along a direction of which the training rows hold as good as nothing.
+    """
     length = lengths(columns / scale[:, None])
     _, size, along = np.linalg.svd(training_rows(columns, scale, train, spread) / length, full_matrices=False)
-    kept = size > LEAST_SIZE * size[0]
-    return np.asarray(np.linalg.norm(columns[test] / length @ (along[kept].T / size[kept]), axis=1) / scale[test])
+    along, size = (each[size > LEAST_SIZE * size[0]] for each in (along, size))
+    rows = columns[test] / length
+    reach = np.linalg.norm(rows @ (along.T / size), axis=1) / scale[test]
+    unseen = np.linalg.norm(rows - rows @ along.T @ along, axis=1) > UNSEEN_PART * np.linalg.norm(rows, axis=1)
+    return np.where(unseen, np.inf, reach)
 
 
 def _expected(scale: Array, reach: Array, touched: Mask) -> float:

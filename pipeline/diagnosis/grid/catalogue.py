@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY, CandidateCatalogue
 from pmg.pipeline.diagnosis.engine.explanation import Explanation
-from pmg.pipeline.diagnosis.engine.naming import Naming
+from pmg.pipeline.diagnosis.engine.found_set import Naming
 from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, GridProblem, candidates, refinement
 from pmg.pipeline.diagnosis.grid.fitting import fit_candidate, settled_fit
 from pmg.pipeline.diagnosis.grid.free_form import bent_columns

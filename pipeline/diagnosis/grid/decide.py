@@ -28,6 +28,7 @@ from pmg.pipeline.diagnosis.grid.outliers import without_outliers
 from pmg.pipeline.diagnosis.grid.refit import about, drives_at_rest, refit
 from pmg.pipeline.diagnosis.grid.withheld import prove_structure, withheld_readings
 from pmg.pipeline.fit.calibration import jacobian, start_model
+from pmg.pipeline.fit.span import lengths
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import predict, take_readings
 from pmg.sim.errors import FitError
@@ -189,8 +190,7 @@ def _absorbed(mismatch: CampaignMismatch, calibration: FittedBaseline, bench: Be
     slopes = jacobian(readings, bench, calibration.model, calibration.free)
     design = np.hstack([slopes, structure]) / readings.u[:, None]
     y = (readings.torque - predict(readings, bench, calibration.model)) / readings.u
-    length = np.linalg.norm(design, axis=0)
-    length[length == 0.0] = 1.0
+    length = lengths(design)
     inverse = np.linalg.pinv(design / length, rcond=1e-8)
     change = inverse @ y / length
     error = np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / length

@@ -18,7 +18,7 @@ from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pmg.pipeline.diagnosis.engine.naming import Naming
+    from pmg.pipeline.diagnosis.engine.found_set import Naming
     from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.diagnosis.grid.law import LawPower

@@ -13,7 +13,7 @@ from pmg.sim.signals import MINUTE
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pmg.pipeline.diagnosis.engine.naming import Naming
+    from pmg.pipeline.diagnosis.engine.found_set import Naming
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
 
 COVARIATES = {

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pmg.pipeline.diagnosis.engine.conclusion import Conclusion
-    from pmg.pipeline.diagnosis.engine.naming import Naming
+    from pmg.pipeline.diagnosis.engine.found_set import Naming
     from pmg.pipeline.diagnosis.engine.problem import Fit
     from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis

@@ -197,9 +197,9 @@ def figures(scores: Sequence[Score], resolutions: Sequence[str], lifts: Sequence
         ),
         _rate(
             "poor_shown",
-            "poor design whose runs show the effect: named right, in the set, or said to be beyond it",
+            "poor design whose runs show the effect: named right or in a set that holds it",
             shown,
-            (*either, DiagnosisScore.SAID_CONFOUNDED),
+            either,
         ),
         share("resolved", "sets that the proposed test resolves", [word == "resolved" for word in tested]),
         share(

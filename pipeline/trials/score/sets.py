@@ -17,7 +17,7 @@ WORDS = {
     "one": "one effect",
     "outside": "one effect outside the library",
     "two": "two effects",
-    "confounded": "designs that cannot tell",
+    "confounded": "poor designs",
 }
 """Kinds of campaign in which a set may hold a truth."""
 ANSWERS = {

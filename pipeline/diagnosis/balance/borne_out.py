@@ -1,0 +1,56 @@
+"""What other low-passes, and quarters of the record, bear out of the terms that were found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
+from pmg.pipeline.diagnosis.balance.low_passes import FACTORS
+from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
+from pmg.pipeline.diagnosis.engine.found_set import name_part
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.case import Case
+    from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried
+    from pmg.pipeline.diagnosis.balance.search_record import Searched
+
+
+def sure_part(
+    s: Searched, in_every_part: frozenset[str], case: Case, low_passes: tuple[LowPassTried, ...]
+) -> Searched | None:
+    """The search with those of its terms that no quarter of the record, low-pass or rival leaves out.
+
+    None without any, or where that is all of them. `in_every_part` are the ids that are chosen whichever quarter is
+    withheld.
+    """
+    asked = _asked(case, low_passes, s.mismatch.false_alarm_rate)
+    named = frozenset(fit.identifier for fit in s.named)
+    rivals = () if s.found is None else s.found.rivals
+    ids = named.intersection(in_every_part, *(rival.ids for rival in rivals), *asked)
+    if s.found is None or not ids or ids == named:
+        return None
+    found = name_part(s.problem, TermCatalogue(), s.found, ids, adequacy_test(s.evidence))
+    return replace(s, found=found, named=found.best.fits)
+
+
+def _asked(case: Case, low_passes: tuple[LowPassTried, ...], limit: float) -> list[frozenset[str]]:
+    """Ids that other low-passes name which see a mismatch.
+
+    A higher one that lets in a resonance may hide what is lower: it is asked where no other is left.
+    """
+    seen = [each for each in low_passes if each.p_value <= limit]
+    clear = [each.ids for each in seen if not each.lets_in_a_resonance(case.prepare.low_pass_hz)]
+    return clear or [each.ids for each in seen]
+
+
+def none_names(s: Searched, case: Case, low_passes: tuple[LowPassTried, ...]) -> bool:
+    """Whether both other low-passes see a mismatch, and those asked do not bear out the terms that were found.
+
+    They do where one names the same, or where one names these and more and each names some of them.
+    """
+    limit = s.mismatch.false_alarm_rate
+    seen, others = sum(each.p_value <= limit for each in low_passes), _asked(case, low_passes, limit)
+    ids = {fit.identifier for fit in s.named}
+    more = any(ids <= other for other in others) and all(ids & other for other in others)
+    return seen == len(FACTORS) and ids not in others and not more
