@@ -13,6 +13,7 @@ from scipy.signal import bilinear, lfilter
 from tests.balance import wheel
 from tests.slow import slow
 
+from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
 from pmg.pipeline.commands.machines.terms import run_terms
 from pmg.pipeline.diagnosis.balance import low_passes
 from pmg.pipeline.diagnosis.balance.borne_out import sure_part
@@ -110,6 +111,7 @@ def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts()
             contests=(),
             impossible=(),
             hangs_on_low_pass=hangs,
+            held_back=hangs,
             case=SimpleNamespace(prepare=SimpleNamespace(low_pass_hz=20.0)),
         )
         return low_pass_sentence(found), low_pass_remarks(found)
@@ -144,6 +146,24 @@ def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts()
     sentence, remarks = told(Verdict.NOT_IN_LIBRARY, *others, hangs=True)
     assert sentence.startswith("It hangs on the low-pass of 20 Hz: at 10 Hz more comes in: two_masses; at 40 Hz")
     assert len(remarks) == 1
+
+
+@pytest.mark.parametrize(("size", "named"), [(0.05, True), (-0.05, False)])
+def test_a_cause_that_makes_the_withheld_error_larger_is_not_named(tmp_path: Path, size: float, named: bool) -> None:
+    """Dry friction, and a withheld recording in which it pushes: of another machine, or with a sign lost."""
+    path, rng = wheel.make_case(tmp_path, dry), np.random.default_rng(8)
+    other = wheel.turning(rng, 20.0)
+    wheel.record(tmp_path / "withheld.csv", other, wheel.plain(other) + size * np.sign(other.speed), rng)
+    case = read_case(path)
+    found = diagnose_terms(case, *read_recordings(case), np.random.default_rng(1))
+    assert found.verdict is (Verdict.NAMED if named else Verdict.NOT_IN_LIBRARY)
+    assert (found.worse_withheld, found.held_back) == (not named, not named)
+    head = (
+        "Named: Coulomb" if named else "Nothing is named: Coulomb friction would explain it, but the error on the with"
+    )
+    assert headline(found).startswith(head)
+    (cause,) = (each for each in machine_sheet(found, goes_on=False).answers if each.question in ("Cause", "Its size"))
+    assert ("Not named: Coulomb friction" in cause.sentences[0]) is not named
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
         yield SheetAnswer("Possible causes" if several else "Its size", tuple(_sizes(causes, push)), CAUSES)
     elif d.impossible:
         yield SheetAnswer("Cause", (headline(d),))
-    elif d.hangs_on_low_pass:
+    elif d.held_back:
         yield SheetAnswer("Cause", (f"Not named: {hanging(d)}",))
     elif d.verdict is Verdict.NOT_IN_LIBRARY:
         but = "" if d.naming is None else f", but {why_not_named(d.naming, 'samples')}"

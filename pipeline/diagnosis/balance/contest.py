@@ -116,12 +116,7 @@ class BalanceData:
 def model_step(data: BalanceData, fits: tuple[TermFit, ...], rng: np.random.Generator) -> ModelStep:
     """Baseline and terms fitted together, and what the last of them is worth."""
     fitted = fit_together(data.recorded, data.noise.noise, data.free, fits)
-    carried = (float("nan"), float("nan"))
-    if data.withheld is not None and fits:
-        before = fit_together(data.recorded, data.noise.noise, data.free, fits[:-1])
-        truth = data.withheld.force + data.withheld.known
-        errors = truth - before.predict(data.withheld), truth - fitted.predict(data.withheld)
-        carried = held_out("", errors, data.noise.noise, data.withheld, rng).gain_interval
+    before = fit_together(data.recorded, data.noise.noise, data.free, fits[:-1]) if fits else fitted
     samples = len(data.recorded.force) - data.noise.noise.lags
     return ModelStep(
         fits[-1].identifier if fits else "",
@@ -130,8 +125,19 @@ def model_step(data: BalanceData, fits: tuple[TermFit, ...], rng: np.random.Gene
         float("nan") if data.withheld is None else fitted.relative_error(data.withheld),
         set_against(data.recorded, data.noise.noise, data.free, (fits[:-1], fits), rng) if fits else None,
         fits[-1].gain - fits[-1].cost * math.log(samples) if fits else 0.0,
-        carried,
+        carried_over(data, before, fitted, rng) if fits else (float("nan"), float("nan")),
     )
+
+
+def carried_over(
+    data: BalanceData, before: FittedTerms, after: FittedTerms, rng: np.random.Generator
+) -> tuple[float, float]:
+    """95 % interval of the fall of the error on the withheld record [N, N m]; NaN without one."""
+    if data.withheld is None:
+        return float("nan"), float("nan")
+    truth = data.withheld.force + data.withheld.known
+    errors = truth - before.predict(data.withheld), truth - after.predict(data.withheld)
+    return held_out("", errors, data.noise.noise, data.withheld, rng).gain_interval
 
 
 def refine(

@@ -9,7 +9,16 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.borne_out import none_names, sure_part
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, Twins, find_twins
-from pmg.pipeline.diagnosis.balance.contest import BalanceData, Contest, ModelStep, contest, model_step, refine, settled
+from pmg.pipeline.diagnosis.balance.contest import (
+    BalanceData,
+    Contest,
+    ModelStep,
+    carried_over,
+    contest,
+    model_step,
+    refine,
+    settled,
+)
 from pmg.pipeline.diagnosis.balance.estimate import design_of, impossible_in
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.balance.free_run import free_run, of_fit, of_published
@@ -79,6 +88,8 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
         What the search says with other low-passes, where that was asked.
     hangs_on_low_pass : bool
         Whether a cause was found that neither half the low-pass nor twice bears out: then nothing is named.
+    worse_withheld : bool
+        Whether a cause was found that makes the error on the withheld record larger, with certainty: it is not named.
     left_out : tuple of TermFit
         Terms that the search found beside those of the last step, and that a quarter of the record, another low-pass or
         a rival leaves out: together they did not stand the proof, or hung on the low-pass.
@@ -100,7 +111,13 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     free_runs: tuple[FreeRun, ...] = ()
     low_passes: tuple[LowPassTried, ...] = ()
     hangs_on_low_pass: bool = False
+    worse_withheld: bool = False
     left_out: tuple[TermFit, ...] = ()
+
+    @property
+    def held_back(self) -> bool:
+        """Whether a cause was found that is not named: it hangs on the low-pass, or does not carry over."""
+        return self.hangs_on_low_pass or self.worse_withheld
 
     @property
     def last_word(self) -> str:
@@ -174,8 +191,10 @@ def _judged(
             contests = contest(data, s.problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
     impossible = impossible_in(steps[-1].fitted)
-    hangs = verdict is Verdict.NAMED and not impossible and none_names(s, case, low_passes)
-    if impossible or hangs:
+    alone = verdict is Verdict.NAMED and not impossible
+    hangs = alone and none_names(s, case, low_passes)
+    worse = alone and carried_over(data, steps[0].fitted, steps[-1].fitted, rng)[1] < 0.0
+    if impossible or hangs or worse:
         verdict = Verdict.NOT_IN_LIBRARY
     last = settled(s.problem, (refinements or steps)[-1].fitted.fits)
     return TermsDiagnosis(
@@ -193,14 +212,13 @@ def _judged(
         refinements=refinements,
         dropped=dropped,
         impossible=impossible,
-        twins=_twins_told(
-            s.problem, case, (named, *(each.rival.fits for each in contests if each.open)), coasts=recorded.coasts
-        ),
+        twins=_twins_told(s, case, recorded, contests),
         further_decoys=further,
         contests=contests,
         left_over=find_mismatch(record_evidence(s.noise, last, s.looked, s.evidence.null), s.looked),
         low_passes=low_passes,
         hangs_on_low_pass=hangs,
+        worse_withheld=worse,
     )
 
 
@@ -218,16 +236,15 @@ def _decoys(s: Searched, found: TermNaming, recorded: Recorded, rng: np.random.G
     return offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, s.noise.noise, rng))
 
 
-def _twins_told(
-    problem: TermProblem, case: Case, sets: tuple[tuple[TermFit, ...], ...], *, coasts: bool
-) -> tuple[Twins, ...]:
+def _twins_told(s: Searched, case: Case, recorded: Recorded, contests: tuple[Contest, ...]) -> tuple[Twins, ...]:
     """Terms with the same column, and the gain of a drive of which nothing is known.
 
     The zero is left out where recordings at rest show it and no set names it.
     """
+    sets = (s.named, *(each.rival.fits for each in contests if each.open))
     in_sets = {fit.identifier for fits in sets for fit in fits}
-    free_gain = not coasts and GAIN in {term.identifier for term in case.library} and GAIN not in problem.tables
-    seen = (each for each in find_twins(problem) if not case.zero or ZERO not in each.ids or ZERO in in_sets)
+    free_gain = not recorded.coasts and GAIN in {t.identifier for t in case.library} and GAIN not in s.problem.tables
+    seen = (each for each in find_twins(s.problem) if not case.zero or ZERO not in each.ids or ZERO in in_sets)
     return (*(Twins((GAIN,), 1.0),) * free_gain, *seen)
 
 

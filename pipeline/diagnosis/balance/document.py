@@ -188,7 +188,7 @@ def headline(diagnosis: TermsDiagnosis) -> str:
             head = f"Consistent: no mismatch beyond the noise (p = {diagnosis.mismatch.p_value:.2g})."
         case Verdict.NOT_IN_LIBRARY if diagnosis.impossible:
             head = "Nothing is named."
-        case Verdict.NOT_IN_LIBRARY if diagnosis.hangs_on_low_pass:
+        case Verdict.NOT_IN_LIBRARY if diagnosis.held_back:
             head = f"Nothing is named: {hanging(diagnosis)}"
         case Verdict.NOT_IN_LIBRARY:
             places = "; ".join(place.name for place in diagnosis.mismatch.locations[:3])
@@ -202,8 +202,7 @@ def headline(diagnosis: TermsDiagnosis) -> str:
             sure = ", ".join(title for title, each in zip(named, ids, strict=True) if each in shared)
             own = [step.fitted.fits[-1] for step in diagnosis.steps[1:]]
             sets = (own, *(c.rival.fits for c in rivals))
-            each_apart = (titles_of(f for f in fits if f.identifier not in shared) for fits in sets)
-            apart = "; or ".join(words or "nothing" for words in each_apart)
+            apart = "; or ".join(titles_of(f for f in fits if f.identifier not in shared) or "nothing" for fits in sets)
             head = f"Ambiguous: {sure}, and besides {apart}." if sure else f"Ambiguous: {apart}."
     main = in_the_main_sentence(diagnosis.naming, diagnosis.held_out) if diagnosis.verdict.names else ""
     sentences = (*_impossible(diagnosis), head, main, left_out_sentence(diagnosis), _errors(diagnosis, first, last))
@@ -211,10 +210,12 @@ def headline(diagnosis: TermsDiagnosis) -> str:
 
 
 def hanging(diagnosis: TermsDiagnosis) -> str:
-    """What was found and is not named, as it hangs on the low-pass."""
+    """What was found and is not named, and why."""
     found = titles_of(step.fitted.fits[-1] for step in diagnosis.steps[1:])
-    at = f"with the low-pass of {diagnosis.case.prepare.low_pass_hz:g} Hz"
-    return f"{found} would explain it {at}, but neither half of that nor twice names the same."
+    if diagnosis.worse_withheld:
+        return f"{found} would explain it, but the error on the withheld record is larger with it."
+    given = f"{diagnosis.case.prepare.low_pass_hz:g} Hz"
+    return f"{found} would explain it with the low-pass of {given}, but neither half of that nor twice names the same."
 
 
 def _impossible(diagnosis: TermsDiagnosis) -> Iterator[str]:

@@ -55,8 +55,8 @@ def _titles(fits: Iterable[TermFit]) -> str:
 
 
 def _leads(d: TermsDiagnosis) -> bool:
-    """Whether a set was found with the low-pass in force, be it named or not for hanging on that."""
-    return d.verdict.names or d.hangs_on_low_pass
+    """Whether a set was found with the low-pass in force, be it named or held back."""
+    return d.verdict.names or d.held_back
 
 
 def _hangs(d: TermsDiagnosis) -> bool:
@@ -69,7 +69,7 @@ def _leading(d: TermsDiagnosis) -> frozenset[str]:
 
 def _may_explain(d: TermsDiagnosis, tried: LowPassTried) -> bool:
     sizes = all(abs(each.value) > NOT_NOTHING * each.standard_error for each in tried.sizes)
-    nothing_leads = d.verdict is Verdict.NOT_IN_LIBRARY and not d.impossible and not d.hangs_on_low_pass
+    nothing_leads = d.verdict is Verdict.NOT_IN_LIBRARY and not d.impossible and not d.held_back
     return nothing_leads and tried.explained and not tried.impossible and bool(tried.fits) and sizes
 
 
