@@ -26,8 +26,11 @@ from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline, terms_document
 from pmg.pipeline.diagnosis.balance.estimate import T_95, fit_together
 from pmg.pipeline.diagnosis.balance.fitting import fit_term, tabulate, term_problem
+from pmg.pipeline.diagnosis.balance.known_terms import SetTerm
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
+from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
+from pmg.pipeline.diagnosis.balance.search_record import _searched_terms
 from pmg.pipeline.diagnosis.balance.serial import SerialNoise, covariance_of, fit_noise
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.engine.withheld import BLOCKS
@@ -142,6 +145,23 @@ def test_a_gain_error_needs_something_that_is_known(tmp_path: Path) -> None:
     nothing = diagnosed(tmp_path / "c", force, terms=COULOMB)
     assert nothing.verdict is Verdict.CONSISTENT
     assert ("actuator_gain",) in [twins.ids for twins in nothing.twins]
+
+
+def test_neither_a_zero_nor_a_fault_of_the_drive_tells_its_gain(tmp_path: Path) -> None:
+    case = read_case(make_case(tmp_path, plain, 3, COULOMB))
+    recorded, _ = read_recordings(case)
+    library = {term.identifier: term for term in case.library}
+
+    def tells(*known: SetTerm, fixed: dict[str, float] | None = None) -> bool:
+        given = replace(case, known=known, fixed=fixed or {})
+        return "actuator_gain" in {term.identifier for term in _searched_terms(given, recorded)}
+
+    zero, delay, spring = (library[name] for name in ("constant_offset", "delay", "spring"))
+    assert not tells()
+    assert not tells(SetTerm(zero, np.zeros(1), error=0.1), SetTerm(zero, np.array([3.0])))
+    assert not tells(SetTerm(delay, np.array([2e-3])), SetTerm(spring, np.zeros(1)))
+    assert tells(SetTerm(spring, np.array([40.0])))
+    assert tells(fixed={"inertia": 80.0})
 
 
 def test_a_force_outside_the_library_is_said_to_be_so(tmp_path: Path) -> None:
