@@ -15,12 +15,13 @@ from tests.slow import slow
 
 from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
 from pmg.pipeline.commands.machines.terms import run_terms
-from pmg.pipeline.diagnosis.balance import low_passes
-from pmg.pipeline.diagnosis.balance.borne_out import sure_part
+from pmg.pipeline.diagnosis.balance import borne_out, low_passes
+from pmg.pipeline.diagnosis.balance.borne_out import HeldBack, sure_part
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline, terms_document
-from pmg.pipeline.diagnosis.balance.library.elastic import RESONANCE
+from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
+from pmg.pipeline.diagnosis.balance.library.elastic import LIKE_PLAY, RESONANCE
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_remarks, low_pass_sentence
 from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried, try_low_passes
 from pmg.pipeline.diagnosis.balance.records.reading import KEPT, read_recordings
@@ -110,8 +111,7 @@ def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts()
             steps=[SimpleNamespace(added=""), *named],
             contests=(),
             impossible=(),
-            hangs_on_low_pass=hangs,
-            held_back=hangs,
+            held_back=HeldBack.LOW_PASS if hangs else None,
             case=SimpleNamespace(prepare=SimpleNamespace(low_pass_hz=20.0)),
         )
         return low_pass_sentence(found), low_pass_remarks(found)
@@ -157,13 +157,25 @@ def test_a_cause_that_makes_the_withheld_error_larger_is_not_named(tmp_path: Pat
     case = read_case(path)
     found = diagnose_terms(case, *read_recordings(case), np.random.default_rng(1))
     assert found.verdict is (Verdict.NAMED if named else Verdict.NOT_IN_LIBRARY)
-    assert (found.worse_withheld, found.held_back) == (not named, not named)
+    assert found.held_back is (None if named else HeldBack.WORSE_WITHHELD)
     head = (
         "Named: Coulomb" if named else "Nothing is named: Coulomb friction would explain it, but the error on the with"
     )
     assert headline(found).startswith(head)
     (cause,) = (each for each in machine_sheet(found, goes_on=False).answers if each.question in ("Cause", "Its size"))
     assert ("Not named: Coulomb friction" in cause.sentences[0]) is not named
+
+
+def test_what_play_in_a_coupling_would_do_as_well_is_not_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With Coulomb friction in the place of a delay and a mass on a spring; no part of it is tried by itself."""
+    assert {term.identifier for term in DRIVE} >= LIKE_PLAY == {"delay", RESONANCE}
+    monkeypatch.setattr(borne_out, "LIKE_PLAY", frozenset({"coulomb"}))
+    case = read_case(wheel.make_case(tmp_path, dry))
+    found = diagnose_terms(case, *read_recordings(case), np.random.default_rng(1))
+    assert found.verdict is Verdict.NOT_IN_LIBRARY
+    assert found.held_back is HeldBack.LIKE_PLAY
+    assert terms_document(found)["held_back"] == "like play"
+    assert "Coulomb friction would explain it, but play in a coupling looks the same. Hold the load" in headline(found)
 
 
 @pytest.mark.parametrize(
@@ -193,7 +205,7 @@ def test_what_neither_half_the_low_pass_nor_twice_names_is_not_named(
     )
     found = diagnose_terms(case, *read_recordings(case), np.random.default_rng(1), tried)
     assert found.verdict is (Verdict.NAMED if named else Verdict.NOT_IN_LIBRARY)
-    assert found.hangs_on_low_pass is not named
+    assert found.held_back is (None if named else HeldBack.LOW_PASS)
     assert headline(found).startswith("Named: Coulomb" if named else "Nothing is named: Coulomb friction would explain")
 
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.causes import named_causes, near_causes
-from pmg.pipeline.diagnosis.balance.document import hanging, headline, percent
+from pmg.pipeline.diagnosis.balance.document import headline, percent
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_sentence
 from pmg.pipeline.diagnosis.balance.parts import ONE_SHAFT, TWO_SHAFTS, part_of
-from pmg.pipeline.diagnosis.balance.titles import left_out_sentence
+from pmg.pipeline.diagnosis.balance.titles import left_out_sentence, why_held_back
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.rivals import why_not_named
@@ -83,7 +83,7 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
     elif d.impossible:
         yield SheetAnswer("Cause", (headline(d),))
     elif d.held_back:
-        yield SheetAnswer("Cause", (f"Not named: {hanging(d)}",))
+        yield SheetAnswer("Cause", (f"Not named: {why_held_back(d)}",))
     elif d.verdict is Verdict.NOT_IN_LIBRARY:
         but = "" if d.naming is None else f", but {why_not_named(d.naming, 'samples')}"
         near = (f"The closest, {each.title}, explains {each.share:.0%} of it{but}." for each in near_causes(d)[:1])

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
+from pmg.pipeline.diagnosis.balance.library.elastic import LIKE_PLAY
 from pmg.pipeline.diagnosis.balance.low_passes import FACTORS
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.found_set import name_part
@@ -14,6 +16,17 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried
     from pmg.pipeline.diagnosis.balance.search_record import Searched
+
+
+class HeldBack(StrEnum):
+    """Why a cause that was found is not named."""
+
+    LOW_PASS = "low-pass"
+    """Neither half the low-pass nor twice bears it out."""
+    WORSE_WITHHELD = "worse withheld"
+    """It makes the error on the withheld record larger by a tenth or more, with certainty."""
+    LIKE_PLAY = "like play"
+    """Play in a coupling would be explained by the same terms."""
 
 
 def sure_part(
@@ -44,7 +57,16 @@ def _asked(case: Case, low_passes: tuple[LowPassTried, ...], limit: float) -> li
     return clear or [each.ids for each in seen]
 
 
-def none_names(s: Searched, case: Case, low_passes: tuple[LowPassTried, ...]) -> bool:
+def held_back(s: Searched, case: Case, low_passes: tuple[LowPassTried, ...], *, worse: bool) -> HeldBack | None:
+    """Why terms that stood the proof are not named; `worse` is whether they make the withheld error larger."""
+    if {fit.identifier for fit in s.named} >= LIKE_PLAY:
+        return HeldBack.LIKE_PLAY
+    if worse:
+        return HeldBack.WORSE_WITHHELD
+    return HeldBack.LOW_PASS if _none_names(s, case, low_passes) else None
+
+
+def _none_names(s: Searched, case: Case, low_passes: tuple[LowPassTried, ...]) -> bool:
     """Whether both other low-passes see a mismatch, and those asked do not bear out the terms that were found.
 
     They do where one names the same, or where one names these and more and each names some of them.

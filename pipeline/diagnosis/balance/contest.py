@@ -11,6 +11,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, find_twins
 from pmg.pipeline.diagnosis.balance.estimate import Estimate, FittedTerms, fit_together, impossible_in
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
+from pmg.pipeline.diagnosis.balance.library.term import RECORDING
 from pmg.pipeline.diagnosis.balance.proof import held_out, set_against
 from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.found_set import margin_beside
@@ -132,8 +133,12 @@ def model_step(data: BalanceData, fits: tuple[TermFit, ...], rng: np.random.Gene
 def carried_over(
     data: BalanceData, before: FittedTerms, after: FittedTerms, rng: np.random.Generator
 ) -> tuple[float, float]:
-    """95 % interval of the fall of the error on the withheld record [N, N m]; NaN without one."""
-    if data.withheld is None:
+    """95 % interval of the fall of the error on the withheld record [N, N m].
+
+    NaN without one, and where a wave over an angle that nobody recorded is among the terms: its phase there is unknown.
+    """
+    lost = data.withheld is not None and RECORDING in data.withheld.motion.besides
+    if data.withheld is None or (lost and any(fit.candidate.of_angle for fit in after.fits)):
         return float("nan"), float("nan")
     truth = data.withheld.force + data.withheld.known
     errors = truth - before.predict(data.withheld), truth - after.predict(data.withheld)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.borne_out import none_names, sure_part
+from pmg.pipeline.diagnosis.balance.borne_out import HeldBack, held_back, sure_part
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, Twins, find_twins
 from pmg.pipeline.diagnosis.balance.contest import (
     BalanceData,
@@ -50,6 +50,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
 
 
+MUCH_WORSE = 1.1
+"""Error on the withheld record with a cause, over that without, from which on the cause is not named."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     """Mismatch, terms and verdict.
@@ -86,10 +90,8 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
         any, and by the models.
     low_passes : tuple of LowPassTried
         What the search says with other low-passes, where that was asked.
-    hangs_on_low_pass : bool
-        Whether a cause was found that neither half the low-pass nor twice bears out: then nothing is named.
-    worse_withheld : bool
-        Whether a cause was found that makes the error on the withheld record larger, with certainty: it is not named.
+    held_back : HeldBack or None
+        Why a cause that was found is not named, where it stood the proof.
     left_out : tuple of TermFit
         Terms that the search found beside those of the last step, and that a quarter of the record, another low-pass or
         a rival leaves out: together they did not stand the proof, or hung on the low-pass.
@@ -110,14 +112,8 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     left_over: Mismatch[Place]
     free_runs: tuple[FreeRun, ...] = ()
     low_passes: tuple[LowPassTried, ...] = ()
-    hangs_on_low_pass: bool = False
-    worse_withheld: bool = False
+    held_back: HeldBack | None = None
     left_out: tuple[TermFit, ...] = ()
-
-    @property
-    def held_back(self) -> bool:
-        """Whether a cause was found that is not named: it hangs on the low-pass, or does not carry over."""
-        return self.hangs_on_low_pass or self.worse_withheld
 
     @property
     def last_word(self) -> str:
@@ -149,7 +145,7 @@ def diagnose_terms(
     whole = part = search_record(case, recorded, rng)
     whole_told = told = _judged(whole, case, recorded, withheld, rng, low_passes)
     while told.verdict is Verdict.NOT_IN_LIBRARY:
-        if told.impossible or told.held_out is None:
+        if told.impossible or told.held_back is HeldBack.LIKE_PLAY or told.held_out is None:
             return whole_told
         smaller = sure_part(part, told.held_out.in_every_part, case, low_passes)
         if smaller is None:
@@ -191,10 +187,10 @@ def _judged(
             contests = contest(data, s.problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
     impossible = impossible_in(steps[-1].fitted)
-    alone = verdict is Verdict.NAMED and not impossible
-    hangs = alone and none_names(s, case, low_passes)
-    worse = alone and carried_over(data, steps[0].fitted, steps[-1].fitted, rng)[1] < 0.0
-    if impossible or hangs or worse:
+    back: HeldBack | None = None
+    if verdict is Verdict.NAMED and not impossible:
+        back = held_back(s, case, low_passes, worse=_worse_withheld(data, steps, rng))
+    if impossible or back is not None:
         verdict = Verdict.NOT_IN_LIBRARY
     last = settled(s.problem, (refinements or steps)[-1].fitted.fits)
     return TermsDiagnosis(
@@ -217,9 +213,15 @@ def _judged(
         contests=contests,
         left_over=find_mismatch(record_evidence(s.noise, last, s.looked, s.evidence.null), s.looked),
         low_passes=low_passes,
-        hangs_on_low_pass=hangs,
-        worse_withheld=worse,
+        held_back=back,
     )
+
+
+def _worse_withheld(data: BalanceData, steps: tuple[ModelStep, ...], rng: np.random.Generator) -> bool:
+    """Whether the last model makes the error on the withheld record larger, by much and with certainty."""
+    first, last = steps[0], steps[-1]
+    surely = carried_over(data, first.fitted, last.fitted, rng)[1] < 0.0
+    return surely and last.error_withheld > MUCH_WORSE * first.error_withheld
 
 
 def _further_decoys(

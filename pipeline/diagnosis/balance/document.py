@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.balance.estimate import impossible_in
 from pmg.pipeline.diagnosis.balance.records.zero import zero_lines
-from pmg.pipeline.diagnosis.balance.titles import left_out_sentence, separating_test, title_of, titled, titles_of
+from pmg.pipeline.diagnosis.balance.titles import (
+    left_out_sentence,
+    separating_test,
+    title_of,
+    titled,
+    titles_of,
+    why_held_back,
+)
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.fit.document import number
@@ -70,6 +77,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         "left_over": {"p_value": diagnosis.left_over.p_value, "locations": _places(diagnosis.left_over)},
         "free_runs": _free_runs(diagnosis),
         "low_passes": [each.document for each in diagnosis.low_passes],
+        "held_back": diagnosis.held_back,
         "left_out": [fit.identifier for fit in diagnosis.left_out],
         "decoys": {
             "tried": diagnosis.further_decoys.tried,
@@ -189,7 +197,7 @@ def headline(diagnosis: TermsDiagnosis) -> str:
         case Verdict.NOT_IN_LIBRARY if diagnosis.impossible:
             head = "Nothing is named."
         case Verdict.NOT_IN_LIBRARY if diagnosis.held_back:
-            head = f"Nothing is named: {hanging(diagnosis)}"
+            head = f"Nothing is named: {why_held_back(diagnosis)}"
         case Verdict.NOT_IN_LIBRARY:
             places = "; ".join(place.name for place in diagnosis.mismatch.locations[:3])
             head = f"Not in the library: a mismatch that follows {places}, and no set of terms explains it."
@@ -207,15 +215,6 @@ def headline(diagnosis: TermsDiagnosis) -> str:
     main = in_the_main_sentence(diagnosis.naming, diagnosis.held_out) if diagnosis.verdict.names else ""
     sentences = (*_impossible(diagnosis), head, main, left_out_sentence(diagnosis), _errors(diagnosis, first, last))
     return " ".join(sentence for sentence in sentences if sentence)
-
-
-def hanging(diagnosis: TermsDiagnosis) -> str:
-    """What was found and is not named, and why."""
-    found = titles_of(step.fitted.fits[-1] for step in diagnosis.steps[1:])
-    if diagnosis.worse_withheld:
-        return f"{found} would explain it, but the error on the withheld record is larger with it."
-    given = f"{diagnosis.case.prepare.low_pass_hz:g} Hz"
-    return f"{found} would explain it with the low-pass of {given}, but neither half of that nor twice names the same."
 
 
 def _impossible(diagnosis: TermsDiagnosis) -> Iterator[str]:

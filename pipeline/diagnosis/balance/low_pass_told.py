@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.diagnosis.balance.borne_out import HeldBack
 from pmg.pipeline.diagnosis.balance.titles import titles_of
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.recording.remark import Remark
@@ -56,11 +57,11 @@ def _titles(fits: Iterable[TermFit]) -> str:
 
 def _leads(d: TermsDiagnosis) -> bool:
     """Whether a set was found with the low-pass in force, be it named or held back."""
-    return d.verdict.names or d.held_back
+    return d.verdict.names or d.held_back is not None
 
 
 def _hangs(d: TermsDiagnosis) -> bool:
-    return d.hangs_on_low_pass or any(_contradicts(d, each) for each in d.low_passes)
+    return d.held_back is HeldBack.LOW_PASS or any(_contradicts(d, each) for each in d.low_passes)
 
 
 def _leading(d: TermsDiagnosis) -> frozenset[str]:
@@ -69,7 +70,7 @@ def _leading(d: TermsDiagnosis) -> frozenset[str]:
 
 def _may_explain(d: TermsDiagnosis, tried: LowPassTried) -> bool:
     sizes = all(abs(each.value) > NOT_NOTHING * each.standard_error for each in tried.sizes)
-    nothing_leads = d.verdict is Verdict.NOT_IN_LIBRARY and not d.impossible and not d.held_back
+    nothing_leads = d.verdict is Verdict.NOT_IN_LIBRARY and not d.impossible and d.held_back is None
     return nothing_leads and tried.explained and not tried.impossible and bool(tried.fits) and sizes
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.diagnosis.balance.borne_out import HeldBack
+from pmg.pipeline.diagnosis.balance.library.drive import GAP_TEST
 from pmg.pipeline.wording.plurals import uncapitalised
 
 if TYPE_CHECKING:
@@ -29,6 +31,17 @@ def left_out_sentence(diagnosis: TermsDiagnosis) -> str:
     if not diagnosis.left_out:
         return ""
     return f"Not named: {titles_of(diagnosis.left_out)}, which not every quarter of the record and low-pass shows."
+
+
+def why_held_back(diagnosis: TermsDiagnosis) -> str:
+    """What was found and is not named, and why."""
+    found = titles_of(step.fitted.fits[-1] for step in diagnosis.steps[1:])
+    if diagnosis.held_back is HeldBack.LIKE_PLAY:
+        return f"{found} would explain it, but play in a coupling looks the same. {GAP_TEST}."
+    if diagnosis.held_back is HeldBack.WORSE_WITHHELD:
+        return f"{found} would explain it, but the error on the withheld record is larger with it."
+    given = f"{diagnosis.case.prepare.low_pass_hz:g} Hz"
+    return f"{found} would explain it with the low-pass of {given}, but neither half of that nor twice names the same."
 
 
 def titled(term: Term[Any]) -> str:

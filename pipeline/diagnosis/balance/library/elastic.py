@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 RESONANCE = "two_masses"
 """Term of a mass on a spring."""
 
+LIKE_PLAY = frozenset({"delay", RESONANCE})
+"""Terms that together explain what play in a coupling does: it comes late, and lets the far side swing."""
+
 DAMPED = (0.02, 0.1)
 """Parts of critical damping of a mass on a spring: of steel, and of an elastomer or a belt."""
 
