@@ -135,8 +135,8 @@ def diagnose_terms(
     case : Case
         Baseline and library.
     recorded, withheld : Recorded
-        The recording for choice and fit, and one that takes part in neither but to drop refinements
-        which make its error larger (None without one).
+        The recording for choice and fit, and one that takes part in neither but to drop refinements, and to hold back a
+        cause, which make its error larger (None without one).
     rng : numpy.random.Generator
         Draws synthetic records, resamples, decoys.
     low_passes : tuple of LowPassTried
