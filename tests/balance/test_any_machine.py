@@ -356,18 +356,18 @@ def test_a_refinement_that_hurts_the_withheld_record_or_makes_a_value_impossible
         step = plain_step(*given)  # type: ignore[arg-type]
         return replace(step, carried=(-2.0, -1.0))
 
-    plain_step = contest.model_step
+    plain_step = contest._model_step
     path = slide.make_case(tmp_path, force, 3)
     kept = diagnosed(path)
     assert kept.refinements
     assert not kept.dropped
-    monkeypatch.setattr(contest, "model_step", worse)
+    monkeypatch.setattr(contest, "_model_step", worse)
     found = diagnosed(path)
     assert not found.refinements
     assert {step.added for step in found.dropped} >= {kept.refinements[0].added}
     assert "dropped: " in "\n".join(terms_lines(found))
     assert terms_document(found)["dropped_refinements"]
-    monkeypatch.setattr(contest, "model_step", plain_step)
+    monkeypatch.setattr(contest, "_model_step", plain_step)
     monkeypatch.setattr(contest, "impossible_in", lambda fitted: fitted.estimates[-1:])
     found = diagnosed(path)
     assert not found.refinements

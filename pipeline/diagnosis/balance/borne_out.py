@@ -37,11 +37,12 @@ def sure_part(
     None without any, or where that is all of them. `in_every_part` are the ids that are chosen whichever quarter is
     withheld.
     """
+    if s.found is None:
+        return None
     asked = _asked(case, low_passes, s.mismatch.false_alarm_rate)
-    named = frozenset(fit.identifier for fit in s.named)
-    rivals = () if s.found is None else s.found.rivals
-    ids = named.intersection(in_every_part, *(rival.ids for rival in rivals), *asked)
-    if s.found is None or not ids or ids == named:
+    named = s.found.best.ids
+    ids = named.intersection(in_every_part, *(rival.ids for rival in s.found.rivals), *asked)
+    if not ids or ids == named:
         return None
     found = name_part(s.problem, TermCatalogue(), s.found, ids, adequacy_test(s.evidence))
     return replace(s, found=found, named=found.best.fits)

@@ -114,10 +114,19 @@ class BalanceData:
     free: tuple[Term[Motion], ...]
 
 
-def model_step(data: BalanceData, fits: tuple[TermFit, ...], rng: np.random.Generator) -> ModelStep:
-    """Baseline and terms fitted together, and what the last of them is worth."""
+def model_steps(data: BalanceData, fits: tuple[TermFit, ...], rng: np.random.Generator) -> tuple[ModelStep, ...]:
+    """The baseline, then one term after the other."""
+    steps = [_model_step(data, (), None, rng)]
+    for k in range(len(fits)):
+        steps.append(_model_step(data, fits[: k + 1], steps[-1].fitted, rng))
+    return tuple(steps)
+
+
+def _model_step(
+    data: BalanceData, fits: tuple[TermFit, ...], before: FittedTerms | None, rng: np.random.Generator
+) -> ModelStep:
+    """Baseline and terms fitted together, and what the last of them is worth beside the model before."""
     fitted = fit_together(data.recorded, data.noise.noise, data.free, fits)
-    before = fit_together(data.recorded, data.noise.noise, data.free, fits[:-1]) if fits else fitted
     samples = len(data.recorded.force) - data.noise.noise.lags
     return ModelStep(
         fits[-1].identifier if fits else "",
@@ -126,7 +135,7 @@ def model_step(data: BalanceData, fits: tuple[TermFit, ...], rng: np.random.Gene
         float("nan") if data.withheld is None else fitted.relative_error(data.withheld),
         set_against(data.recorded, data.noise.noise, data.free, (fits[:-1], fits), rng) if fits else None,
         fits[-1].gain - fits[-1].cost * math.log(samples) if fits else 0.0,
-        carried_over(data, before, fitted, rng) if fits else (float("nan"), float("nan")),
+        (float("nan"), float("nan")) if before is None else carried_over(data, before, fitted, rng),
     )
 
 
@@ -137,17 +146,18 @@ def carried_over(
 
     NaN without one, and where a wave over an angle that nobody recorded is among the terms: its phase there is unknown.
     """
-    lost = data.withheld is not None and RECORDING in data.withheld.motion.besides
-    if data.withheld is None or (lost and any(fit.candidate.of_angle for fit in after.fits)):
+    withheld, waves = data.withheld, any(fit.candidate.of_angle for fit in after.fits)
+    if withheld is None or (waves and RECORDING in withheld.motion.besides):
         return float("nan"), float("nan")
-    truth = data.withheld.force + data.withheld.known
-    errors = truth - before.predict(data.withheld), truth - after.predict(data.withheld)
-    return held_out("", errors, data.noise.noise, data.withheld, rng).gain_interval
+    truth = withheld.force + withheld.known
+    errors = truth - before.predict(withheld), truth - after.predict(withheld)
+    return held_out("", errors, data.noise.noise, withheld, rng).gain_interval
 
 
 def refine(
     data: BalanceData,
     best: TermSet,
+    before: FittedTerms,
     remainder_of: AdequacyTest,
     threshold: float,
     rng: np.random.Generator,
@@ -155,7 +165,7 @@ def refine(
     """Further terms, one after the other: more than any decoy, a good part of the rest, better on withheld blocks.
 
     Then those that would have been, and make the error on the withheld record larger with certainty, or values of the
-    named model impossible: they are dropped. It is the only choice in which that record has a part.
+    named model impossible: they are dropped. `before` is the model of the best set.
     """
     current, refined, dropped = best, list[ModelStep](), dict[str, ModelStep]()
     while len(refined) < MOST_REFINED:
@@ -167,14 +177,14 @@ def refine(
         ranked = TermCatalogue().rank(here, current.ids)
         fits = [fit for fit in ranked if not fit.on_bound and here.score(fit) > least]
         for fit in fits[:TRIED]:
-            step = model_step(data, (*current.fits, fit), rng)
+            step = _model_step(data, (*current.fits, fit), before, rng)
             if step.held is None or step.held.gain_interval[0] <= 0.0:
                 continue
             if step.carried[1] < 0.0 or impossible_in(step.fitted):
                 dropped[step.added] = step
             else:
                 dropped.pop(step.added, None)
-                current = current.plus(fit)
+                current, before = current.plus(fit), step.fitted
                 refined.append(step)
                 break
         else:

@@ -15,7 +15,7 @@ from pmg.pipeline.diagnosis.balance.contest import (
     ModelStep,
     carried_over,
     contest,
-    model_step,
+    model_steps,
     refine,
     settled,
 )
@@ -93,8 +93,8 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     held_back : HeldBack or None
         Why a cause that was found is not named, where it stood the proof.
     left_out : tuple of TermFit
-        Terms that the search found beside those of the last step, and that a quarter of the record, another low-pass or
-        a rival leaves out: together they did not stand the proof, or hung on the low-pass.
+        Terms that the search found and the verdict does without: all together they failed the proof, or depended on the
+        low-pass, and a quarter of the record, another low-pass or a rival does not need them.
     """
 
     case: Case
@@ -143,16 +143,17 @@ def diagnose_terms(
         What the search says with half the low-pass and with twice, where that was asked.
     """
     whole = part = search_record(case, recorded, rng)
-    whole_told = told = _judged(whole, case, recorded, withheld, rng, low_passes)
-    while told.verdict is Verdict.NOT_IN_LIBRARY:
-        if told.impossible or told.held_back is HeldBack.LIKE_PLAY or told.held_out is None:
-            return whole_told
-        smaller = sure_part(part, told.held_out.in_every_part, case, low_passes)
+    of_whole = of_part = _judged(whole, case, recorded, withheld, rng, low_passes)
+    while of_part.verdict is Verdict.NOT_IN_LIBRARY:
+        proof = of_part.held_out
+        if proof is None or of_part.impossible or of_part.held_back is HeldBack.LIKE_PLAY:
+            return of_whole
+        smaller = sure_part(part, proof.in_every_part, case, low_passes)
         if smaller is None:
-            return whole_told
-        part, told = smaller, _judged(smaller, case, recorded, withheld, rng, low_passes)
+            return of_whole
+        part, of_part = smaller, _judged(smaller, case, recorded, withheld, rng, low_passes)
     kept = {fit.identifier for fit in part.named}
-    return replace(told, left_out=tuple(fit for fit in whole.named if fit.identifier not in kept))
+    return replace(of_part, left_out=tuple(fit for fit in whole.named if fit.identifier not in kept))
 
 
 def _judged(
@@ -169,7 +170,7 @@ def _judged(
     further = FurtherDecoys(0, 0, 0.0, ()) if found is None else _further_decoys(s, found, recorded, withheld, rng)
     decoys = None if found is None else _decoys(s, found, recorded, apart)
     data = BalanceData(recorded, withheld, s.noise, s.free)
-    steps = tuple(model_step(data, named[:k], rng) for k in range(len(named) + 1))
+    steps = model_steps(data, named, rng)
     held: HeldOut | None = None
     refinements: tuple[ModelStep, ...] = ()
     dropped: tuple[ModelStep, ...] = ()
@@ -183,7 +184,8 @@ def _judged(
         if conclusion.verdict.names and conclusion.naming is not None:
             found, remainder_of = conclusion.naming, adequacy_test(s.evidence)
             start = replace(found.best, problem=settled(s.for_refinements, found.best.fits))
-            refinements, dropped = refine(data, start, remainder_of, max(ENTRY, further.most_evidence), rng)
+            threshold, before = max(ENTRY, further.most_evidence), steps[-1].fitted
+            refinements, dropped = refine(data, start, before, remainder_of, threshold, rng)
             contests = contest(data, s.problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
     impossible = impossible_in(steps[-1].fitted)
@@ -245,9 +247,10 @@ def _twins_told(s: Searched, case: Case, recorded: Recorded, contests: tuple[Con
     """
     sets = (s.named, *(each.rival.fits for each in contests if each.open))
     in_sets = {fit.identifier for fits in sets for fit in fits}
-    free_gain = not recorded.coasts and GAIN in {t.identifier for t in case.library} and GAIN not in s.problem.tables
-    seen = (each for each in find_twins(s.problem) if not case.zero or ZERO not in each.ids or ZERO in in_sets)
-    return (*(Twins((GAIN,), 1.0),) * free_gain, *seen)
+    twins = [each for each in find_twins(s.problem) if not case.zero or ZERO not in each.ids or ZERO in in_sets]
+    if not recorded.coasts and GAIN in {t.identifier for t in case.library} and GAIN not in s.problem.tables:
+        twins.insert(0, Twins((GAIN,), 1.0))
+    return tuple(twins)
 
 
 def with_free_runs(d: TermsDiagnosis) -> TermsDiagnosis:

@@ -90,8 +90,10 @@ class MotionCase:
         A poor design may show an effect all the same, by its size in these very runs.
         """
         reached = [sized.reached.absorbed for sized in self.effects]
-        shown = self.stratum.kind == "confounded" and max(reached) >= SHOWN_BY_ITS_RUNS
-        return right_verdicts((*self.stratum.expected, *("named",) * shown), reached)
+        right = self.stratum.expected
+        if self.stratum.kind == "confounded" and max(reached) >= SHOWN_BY_ITS_RUNS:
+            right = (*right, "named")
+        return right_verdicts(right, reached)
 
     @property
     def truth(self) -> dict[str, Any]:
