@@ -148,7 +148,7 @@ def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts()
     assert len(remarks) == 1
 
 
-@pytest.mark.parametrize(("size", "named"), [(0.05, True), (-0.05, False)])
+@pytest.mark.parametrize(("size", "named"), [pytest.param(0.05, True, marks=slow), (-0.05, False)])
 def test_a_cause_that_makes_the_withheld_error_larger_is_not_named(tmp_path: Path, size: float, named: bool) -> None:
     """Dry friction, and a withheld recording in which it pushes: of another machine, or with a sign lost."""
     path, rng = wheel.make_case(tmp_path, dry), np.random.default_rng(8)
@@ -182,11 +182,11 @@ def test_what_play_in_a_coupling_would_do_as_well_is_not_named(tmp_path: Path, m
     ("others", "named"),
     [
         ((("delay",), ("delay", "coulomb")), False),
-        ((("coulomb", "backlash"), ("delay", "coulomb")), True),
+        pytest.param((("coulomb", "backlash"), ("delay", "coulomb")), True, marks=slow),
         ((("coulomb", "backlash"), (RESONANCE, "delay")), True),
-        ((("backlash",), (RESONANCE, "delay")), False),
-        ((("coulomb",), ("delay",)), True),
-        ((("delay",),), True),
+        pytest.param((("backlash",), (RESONANCE, "delay")), False, marks=slow),
+        pytest.param((("coulomb",), ("delay",)), True, marks=slow),
+        pytest.param((("delay",),), True, marks=slow),
         ((("delay",), None), True),
     ],
 )
@@ -210,7 +210,8 @@ def test_what_neither_half_the_low_pass_nor_twice_names_is_not_named(
 
 
 @pytest.mark.parametrize(
-    ("friction", "others", "named"), [(0.012, "delay", True), (0.012, "", False), (0.03, "delay", False)]
+    ("friction", "others", "named"),
+    [(0.012, "delay", True), (0.012, "", False), pytest.param(0.03, "delay", False, marks=slow)],
 )
 def test_what_all_low_passes_name_is_named_where_it_is_most_of_the_mismatch(
     tmp_path: Path, friction: float, others: str, named: bool

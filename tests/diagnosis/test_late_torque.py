@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from scipy.linalg import cholesky_banded
 from scipy.signal import lfilter
 from tests.diagnosis.test_motion import RATE, _campaign, _dither, _run, _with_torque
+from tests.slow import slow
 
 from pmg.pipeline.diagnosis.balance.catalogue import TermNaming, TermSet
 from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermFit, TermProblem, fit_term
@@ -206,7 +207,7 @@ def test_a_lag_beside_a_skew_that_leads_as_far_is_not_tried(ahead: float, kept: 
     assert set(left) == ({late.key, gain.key} if kept else {gain.key})
 
 
-@pytest.mark.parametrize("time", [0.005, 0.012])
+@pytest.mark.parametrize("time", [0.005, pytest.param(0.012, marks=slow)])
 def test_a_delay_is_named_whole_with_its_time(time: float) -> None:
     """Its one number is the time, with an error; that all of the torque is late is no finding."""
     found = _shown("delay", time)
@@ -230,7 +231,7 @@ def test_a_lag_of_second_order_is_not_taken_for_a_delay_alone() -> None:
     assert "transducer_bandwidth" in {fit.identifier for each in sets for fit in each.fits}
 
 
-@pytest.mark.parametrize("order", ["first", "second"])
+@pytest.mark.parametrize("order", [pytest.param("first", marks=slow), "second"])
 def test_a_lag_that_is_long_in_the_band_is_told_with_its_time(order: str) -> None:
     found = _shown(order, 0.030)
     assert found.naming is not None
@@ -312,18 +313,18 @@ def test_a_banded_matrix_is_solved_as_a_full_one(n: int, band: int, count: int, 
 @given(st.integers(1, 150), st.integers(1, 3), st.integers(0, 99))
 def test_rows_weighted_before_they_are_whitened_give_the_same_products(n: int, count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    slow = np.linalg.qr(rng.standard_normal((n, min(n, 4))))[0]
+    wander = np.linalg.qr(rng.standard_normal((n, min(n, 4))))[0]
     band = np.stack([np.full(n, 1.5), np.full(n, 0.6)])
-    shrunk = np.asarray(rng.uniform(0.0, 1.0, slow.shape[1]))
+    shrunk = np.asarray(rng.uniform(0.0, 1.0, wander.shape[1]))
     noise = RowNoise(
         BandedFactor.of(cholesky_banded(band, lower=True)),
-        slow,
+        wander,
         shrunk,
         band[:, 0],
         "sun",
         SlowNoise(),
         np.zeros(0),
-        slow[:, :0],
+        wander[:, :0],
     )
     one, other = rng.standard_normal((2, n, count))
     np.testing.assert_allclose(noise.adjoint(one).T @ other, one.T @ noise.white(other), atol=1e-9)
