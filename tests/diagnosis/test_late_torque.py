@@ -25,7 +25,12 @@ from pmg.pipeline.diagnosis.engine.problem import bounded_sizes
 from pmg.pipeline.diagnosis.motion import naming
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.candidates.reading_terms import _lagging
-from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, with_late_look_alikes, without_opposed
+from pmg.pipeline.diagnosis.motion.catalogue import (
+    MotionCatalogue,
+    other_lateness,
+    with_late_look_alikes,
+    without_opposed,
+)
 from pmg.pipeline.diagnosis.motion.constants import SKEW, sheet_of
 from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
@@ -81,21 +86,72 @@ def test_a_set_holds_one_that_makes_a_torque_late() -> None:
 @pytest.mark.parametrize(("plain", "alike"), [(0.4, False), (0.15, True)])
 def test_a_short_lag_is_a_rival_of_a_delay_where_a_plain_lag_is_one(order: str, plain: float, alike: bool) -> None:
     """The laws stand in one plane, the short lag at 0.1 rad from the delay that made the rows, the plain one beyond."""
-    rows = 12.0 * np.eye(6)[0]
     angles = {"channel_delay/sun/": 0.0, "transducer_bandwidth/sun/second order, short": 0.1}
     angles[f"transducer_bandwidth/sun/{order}"] = plain
+    problem = _in_a_plane(angles)
+    best, short = (TermSet((fit := fit_term(problem, TERMS[key]),), problem.take_out(fit)) for key in list(angles)[:2])
+    nothing_left = Remainder(1.0, 0.0, 0.0)
+    found = TermNaming(best, (short,), {"channel_delay": "sun"}, nothing_left, True, True, (), ())
+    rivals = with_late_look_alikes(found, problem).rivals
+    assert [rival.ids for rival in rivals] == [{"transducer_bandwidth"}] * alike
+
+
+def _in_a_plane(angles: dict[str, float]) -> TermProblem:
+    """Rows along a first axis, and laws at angles [rad] to it."""
     tables = {
         key: Tabled(
             TERMS[key], np.array([0.005]), (12.0 * np.array([math.cos(a), math.sin(a), 0, 0, 0, 0]))[:, None, None]
         )
         for key, a in angles.items()
     }
-    problem = TermProblem(np.zeros((6, 0)), rows, lambda t, _: tables[t.key].columns[:, 0], tables)
-    best, short = (TermSet((fit := fit_term(problem, TERMS[key]),), problem.take_out(fit)) for key in list(angles)[:2])
-    nothing_left = Remainder(1.0, 0.0, 0.0)
-    found = TermNaming(best, (short,), {"channel_delay": "sun"}, nothing_left, True, True, (), ())
-    rivals = with_late_look_alikes(found, problem).rivals
-    assert [rival.ids for rival in rivals] == [{"transducer_bandwidth"}] * alike
+    rows = 12.0 * np.eye(6)[0]
+    return TermProblem(np.zeros((6, 0)), rows, lambda t, _: tables[t.key].columns[:, 0], tables)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "nearest"), [(0.4, 0.5, "first order"), (0.4, 0.3, "second order"), (1.0, 1.2, "")]
+)
+def test_a_lag_that_explains_most_of_what_a_delay_does_is_tried_in_its_place(
+    first: float, second: float, nearest: str
+) -> None:
+    delay, lag = "channel_delay/sun/", "transducer_bandwidth/sun/"
+    lags = {f"{lag}first order": first, f"{lag}second order": second, f"{lag}second order, short": 0.0}
+    problem = _in_a_plane({delay: 0.0, "channel_delay/sun/held": 0.1, **lags})
+    found = other_lateness(TermSet((fit_term(problem, TERMS[delay]),), problem), problem)
+    assert [fit.candidate.key for fits in found for fit in fits] == [f"{lag}{nearest}"] * bool(nearest)
+
+
+@pytest.mark.parametrize(
+    ("left", "leads", "explained", "told"),
+    [
+        (80.0, "lag", True, "lag"),
+        (95.0, "lag", True, "delay"),  # by less than what tells two causes apart
+        (80.0, "delay", True, "delay"),  # on its own rows something else leads
+        (80.0, "lag", False, "delay"),
+    ],
+)
+def test_a_delay_is_held_against_a_lag_on_rows_of_its_own(
+    left: float, leads: str, explained: bool, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keys = {"delay": "channel_delay/sun/", "lag": "transducer_bandwidth/sun/first order"}
+    fits = {name: (TermFit(TERMS[key], 1.0, 1.0, np.zeros(1), (), np.ones(1), 0.01),) for name, key in keys.items()}
+
+    def search(name: str) -> SimpleNamespace:
+        return SimpleNamespace(best=SimpleNamespace(fits=fits[name]), explained=explained or name != leads, name=name)
+
+    rows = SimpleNamespace(baseline=SimpleNamespace(values=np.zeros(1)), problem=None)
+    first, other = (SimpleNamespace(**vars(rows), left=size) for size in (100.0, left))
+    monkeypatch.setattr(naming, "other_lateness", lambda *_: iter([fits["lag"]]))
+    monkeypatch.setattr(naming, "replace", lambda before, **_: before)
+    monkeypatch.setattr(naming, "_beside_whole", lambda *_: rows)
+    monkeypatch.setattr(naming, "noise_beside", lambda _, noise: noise)
+    monkeypatch.setattr(naming, "motion_evidence", lambda *_: other)
+    monkeypatch.setattr(naming, "without_opposed", lambda found: found)
+    monkeypatch.setattr(naming, "_searched", lambda *_: search(leads))
+    monkeypatch.setattr(naming, "_left_by", lambda _, about: about.left)
+    led = cast("Any", (first, first, search("delay")))
+    *_, found = naming._against_other_lateness(led, cast("Any", rows), [], np.random.default_rng(0))
+    assert cast("Any", found).name == told
 
 
 @pytest.mark.parametrize(
@@ -152,6 +208,7 @@ def test_leaders_that_do_not_settle_are_held_against_each_other(
     monkeypatch.setattr(naming, "_searched", lambda *_: next(searches))
     monkeypatch.setattr(naming, "_left_by", lambda *_: next(sums))
     monkeypatch.setattr(naming, "on_spring", lambda found, _: found)
+    monkeypatch.setattr(naming, "_against_other_lateness", lambda search, *_: search)
     for name in ("with_free_laws", "with_look_alikes", "with_late_look_alikes", "without_held", "with_small_rest"):
         monkeypatch.setattr(naming, name, lambda found, *_: found)
     steps, rng = Steps(None, *naming.SEARCH_STEPS), np.random.default_rng(0)

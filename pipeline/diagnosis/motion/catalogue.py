@@ -13,7 +13,7 @@ from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterator
 
     from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
     from pmg.pipeline.diagnosis.balance.library.term import Term
@@ -32,6 +32,10 @@ known to a form, and look-alikes as a gain and a crosstalk differ by as little."
 LATE_ALIKE = 0.1
 """The same of what comes late: a delay, a lag of any order and a torque that is held differ in how sharp a change is
 left, of which the band of the rows shows little."""
+
+LATE_NEAR = 0.6
+"""Part of the leading one's gain from which another way to be late may explain more on rows that are straight about
+it: on rows about a delay a lag of the same time explains three quarters, though it leaves less."""
 
 ADDED = 4.0
 """Fall of the sum of squares [noise variances] that a further parameter brings by chance one time in twenty."""
@@ -102,9 +106,7 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
     found, alike = {rival.ids: rival for rival in naming.rivals if not _between(rival, best)}, 0.0
     laws = [cast("MotionTerm", table.term) for table in problem.tables.values()]
     for place in late:
-        fit, rest = best.fits[place], TermSet((), problem)
-        for other in (*best.fits[:place], *best.fits[place + 1 :]):
-            rest = rest.plus(other)
+        fit, rest = best.fits[place], _without(best, place, problem)
         named = fit_term(rest.problem, fit.candidate)
         for law in sorted(laws, key=lambda law: law.between):
             if not law.comes_late or law.place != fit.place or law.identifier == fit.identifier:
@@ -122,6 +124,40 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
     return replace(
         naming, rivals=tuple(by_evidence), evidence_scale=min(naming.evidence_scale, MARGIN / (MARGIN + alike))
     )
+
+
+def other_lateness(best: TermSet, problem: TermProblem) -> Iterator[tuple[TermFit, ...]]:
+    """A leading set with a lag in the place of a delay, and the other way round, where that explains nearly as much.
+
+    Parameters
+    ----------
+    best : TermSet
+        The leading set.
+    problem : TermProblem
+        Before anything was taken out.
+    """
+    laws = [cast("MotionTerm", table.term) for table in problem.tables.values()]
+    for place, fit in enumerate(best.fits):
+        if not fit.candidate.whole or not cast("MotionTerm", fit.candidate).comes_late:
+            continue
+        rest = _without(best, place, problem)
+        others = [
+            fit_term(rest.problem, law)
+            for law in laws
+            if law.comes_late and law.whole and not law.between
+            if law.place == fit.place and law.identifier != fit.identifier
+        ]
+        nearest = max((other for other in others if other.admissible), key=lambda other: other.gain, default=None)
+        if nearest and nearest.gain > LATE_NEAR * fit_term(rest.problem, fit.candidate).gain:
+            yield (*best.fits[:place], nearest, *best.fits[place + 1 :])
+
+
+def _without(best: TermSet, place: int, problem: TermProblem) -> TermSet:
+    """What is left of a set without one of its fits."""
+    rest = TermSet((), problem)
+    for other in (*best.fits[:place], *best.fits[place + 1 :]):
+        rest = rest.plus(other)
+    return rest
 
 
 def _between(rival: TermSet, best: TermSet) -> bool:

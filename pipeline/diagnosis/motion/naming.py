@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
+from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.forms import with_free_laws, with_look_alikes
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.catalogue import (
     MotionCatalogue,
+    other_lateness,
     with_late_look_alikes,
     with_small_rest,
     without_held,
@@ -95,9 +97,33 @@ def name_causes(
             break
     if naming.best.fits and not (settled or (naming.explained and _same(best.fits, naming.best.fits))):
         _, (found, meant, naming) = min(led, key=lambda each: each[0])
+    found, meant, naming = _against_other_lateness((found, meant, naming), before, noise, rng)
     naming = with_free_laws(naming, meant.problem, MotionCatalogue(), adequacy_test(meant.evidence))
     naming = with_late_look_alikes(without_held(with_look_alikes(naming, meant.problem)), meant.problem)
     return found, meant, on_spring(with_small_rest(naming, found), found)
+
+
+def _against_other_lateness(
+    search: tuple[MotionEvidence, MotionEvidence, TermNaming],
+    before: MotionBaseline,
+    noise: list[RowNoise],
+    rng: np.random.Generator,
+) -> tuple[MotionEvidence, MotionEvidence, TermNaming]:
+    """The search, or one on rows about a lag in place of a delay, or the other way round, which leaves plainly less.
+
+    Rows that are straight about a delay show a lag of the same time as less than it is: the constants beside the delay
+    took up what it did not explain. Each is therefore held against the other on rows of its own.
+    """
+    found, meant, naming = search
+    left = _left_by(naming.best.fits, found) - MARGIN
+    for fits in other_lateness(naming.best, meant.problem):
+        about = _beside_whole(replace(before, values=found.baseline.values), noise, fits)
+        other = motion_evidence(about, noise_beside(about, noise), library(), rng)
+        unopposed = without_opposed(other)
+        told = _searched(unopposed, MotionCatalogue())
+        if told.explained and _same(fits, told.best.fits) and _left_by(told.best.fits, other) < left:
+            search, left = (other, unopposed, told), _left_by(told.best.fits, other)
+    return search
 
 
 def _beside_whole(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit, ...]) -> MotionBaseline:
