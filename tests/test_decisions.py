@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import optimize, special, stats
 from scipy import signal as filters
-from scipy import stats
 
 from pmg.pipeline.campaign_comparison.setpoints import carried
 from pmg.pipeline.campaign_comparison.shared_errors import left_over, sharing
@@ -20,11 +20,13 @@ from pmg.pipeline.campaign_comparison.side import CampaignSide
 from pmg.pipeline.campaign_comparison.transducers import Transducers
 from pmg.pipeline.catalogue.difference import MeanDifference, differing, mean_differences, paired
 from pmg.pipeline.diagnosis.design.audit import ALIKE, DIGITS, audit_design
+from pmg.pipeline.diagnosis.engine import scan as scans
 from pmg.pipeline.diagnosis.engine.adequacy import Remainder
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
 from pmg.pipeline.diagnosis.engine.explanation import Explanation, rivals_near
 from pmg.pipeline.diagnosis.engine.found_set import Naming
+from pmg.pipeline.diagnosis.engine.mismatch import search
 from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem
 from pmg.pipeline.diagnosis.engine.scan import ABSORBED, MINIMUM_ROOM, Scan, make_scan
 from pmg.pipeline.diagnosis.grid.evidence import both_shafts
@@ -129,7 +131,7 @@ def test_the_largest_residual_is_judged_by_the_room_that_the_fit_leaves_it(
     assert room.min() > MINIMUM_ROOM**2
     p = 2.0 * 60.0 * stats.t.sf(surprise[row], 28.0)
     scan = scan_beside(readings, baseline, [])
-    assert math.log(scan(white[:, None])[-1, 0]) == pytest.approx(math.log(p), abs=1e-6)
+    assert scan(white[:, None])[-1, 0] == pytest.approx(math.log(p), abs=1e-6)
 
 
 def test_a_family_is_judged_by_the_f_test_of_what_the_baseline_leaves_of_it(
@@ -143,7 +145,33 @@ def test_a_family_is_judged_by_the_f_test_of_what_the_baseline_leaves_of_it(
     squares = [float(r @ r) for r in rest]
     p = stats.f.sf((squares[0] - squares[1]) / (squares[1] / 27.0), 1, 27)
     scan = scan_beside(readings, baseline, [family])
-    assert scan(white[:, None])[0, 0] == pytest.approx(p, rel=1e-9)
+    assert scan(white[:, None])[0, 0] == pytest.approx(math.log(p), abs=1e-9)
+
+
+@given(st.integers(1, 200), st.floats(100.0, 1e5), st.floats(60.0, 270.0))
+def test_the_tail_of_an_f_distribution_goes_on_where_numbers_end(k: int, dof: float, decades: float) -> None:
+    """Its series is that of the distribution where both can be told, and a larger ratio is always less likely."""
+    rarity = 10.0**-decades
+    ratio = np.exp([optimize.brentq(lambda size: special.fdtrc(k, dof, math.exp(size)) / rarity - 1.0, 0.0, 700.0)])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scans, "LEAST_P", 1.0)
+        series = scans._log_upper_tail(k, dof, ratio)
+    assert series[0] == pytest.approx(-decades * math.log(10.0), rel=1e-3)
+    larger = scans._log_upper_tail(k, dof, ratio[0] * np.geomspace(1.0, 1e6, 60))
+    assert (np.diff(larger) < 0.0).all()
+
+
+def test_an_effect_beyond_all_numbers_is_clearer_than_noise_that_is_beyond_them_too(rng: np.random.Generator) -> None:
+    """A long record: one family in a hundred synthetic records, and one much stronger in the record."""
+    n, column = 8000, np.ones((8000, 1))
+    white = rng.standard_normal((n, 101))
+    white[:, 0] += 5.0
+    white[:, 1:] += 2.0
+    evidence = Evidence(white[:, 0], np.zeros((n, 0)), [column], (np.ones(n, dtype=np.bool_),), white[:, 1:])
+    (step,) = search(evidence, steps=1)
+    assert step.p_value == pytest.approx(1.0 / 101.0)
+    (weaker,) = search(replace(evidence, y=white[:, 1], null=white[:, [0, *range(2, 101)]]), steps=1)
+    assert weaker.p_value > 1.5 / 101.0
 
 
 @pytest.mark.parametrize(("part", "seen"), [(0.5 * ABSORBED, False), (2.0 * ABSORBED, True)])
@@ -156,7 +184,7 @@ def test_a_column_that_the_baseline_absorbs_is_not_looked_for(
     column = part * across / np.linalg.norm(across) + math.sqrt(1.0 - part**2) * inside
     scan = scan_beside(readings, baseline, [column[:, None]])
     assert bool(scan.bases[0].shape[1]) == seen
-    assert (scan(white[:, None])[0, 0] < 1.0) == seen
+    assert (scan(white[:, None])[0, 0] < 0.0) == seen
 
 
 @pytest.mark.parametrize(("off", "seen"), [(0.0, False), (0.05, True)])

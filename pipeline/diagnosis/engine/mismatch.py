@@ -61,11 +61,11 @@ class Step:
     scan : Scan
         With everything found before in its baseline.
     nominal : (t,) array
-        Nominal p-values of the tests.
+        Natural logarithms of the nominal p-values of the tests.
     observed : (t,) array
         The same as they are compared with each other and with `smallest`.
     smallest : (draws,) array
-        Smallest p-value of each synthetic campaign.
+        Least logarithm of each synthetic campaign.
     best : int
         The clearest test.
     p_value : float
@@ -98,7 +98,7 @@ def search(
     level : float
         Level above which the search ends; the step that ends it is given too.
     elsewhere : (draws,) array, optional
-        Smallest p-value of each synthetic campaign in other searches that are paid for together with this one; each
+        Least logarithm of each synthetic campaign in other searches that are paid for together with this one; each
         test is then taken on its own scale.
 
     Notes
@@ -119,8 +119,8 @@ def search(
         observed = nominal = scan(evidence.y[:, None])[:, 0]
         drawn = scan(evidence.null)
         if elsewhere is not None:
-            power = 1.0 / np.maximum(-np.log(drawn).mean(axis=1), 1.0)
-            observed, drawn = nominal**power, np.r_[drawn ** power[:, None], elsewhere[None, :]]
+            power = 1.0 / np.maximum(-drawn.mean(axis=1), 1.0)
+            observed, drawn = nominal * power, np.r_[drawn * power[:, None], elsewhere[None, :]]
         smallest = drawn.min(axis=0)
         best = int(np.argmin(observed))
         p_value = look_elsewhere(float(observed[best]), smallest)

@@ -1,7 +1,8 @@
-"""The scan: one p-value for each kind of structure, for data and synthetic noise alike."""
+"""The scan: the logarithm of one p-value for each kind of structure, for data and synthetic noise alike."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,12 @@ ABSORBED = 1e-2
 """A column of which less than this part survives the baseline cannot be seen, and is not looked for."""
 
 
+LEAST_P = 1e-280
+"""Probability of a tail below which its logarithm is taken from the leading terms of its series [1]."""
+
+LARGEST_RATIO = 1e280
+"""Ratio of variances beyond which none is told from another."""
+
 MOST_AT_ONCE = 2_000_000
 """Values that are worked on at a time."""
 
@@ -35,6 +42,35 @@ def in_parts(function: Callable[[Array], Array], white: Array) -> Array:
     if parts <= 1:
         return function(white)
     return np.concatenate([function(part) for part in np.array_split(white, parts, axis=1)], axis=-1)
+
+
+def _log_upper_tail(k: int, dof: float, ratio: Array) -> Array:
+    r"""Natural logarithm of the probability that a ratio of variances is larger by chance, however small that is.
+
+    Parameters
+    ----------
+    k, dof : int and float
+        Degrees of freedom above and below.
+    ratio : (draws,) array
+        Ratio of the mean squares.
+
+    Notes
+    -----
+    :math:`I_x(a, b)` with :math:`x = \nu/(\nu + kF)`, :math:`a = \nu/2`, :math:`b = k/2`. Where it is too small for a
+    number, :math:`\ln I_x = a \ln x + b \ln(1 - x) - \ln a B(a, b) - \ln(1 - x (a + b)/(a + 1))`, the last term for the
+    series :math:`_2F_1(a + b, 1; a + 1; x)` as a geometric one. Large records leave such tails to strong effects and to
+    some synthetic noise alike, and which is the clearer must be told.
+
+    References
+    ----------
+    NIST Digital Library of Mathematical Functions, 8.17.7 and 15.8.1.
+    """
+    found = np.asarray(special.fdtrc(k, dof, ratio))
+    a, b = 0.5 * dof, 0.5 * k
+    x = dof / (dof + k * np.clip(ratio, 1.0, LARGEST_RATIO))
+    series = -np.log1p(-np.minimum(x * (a + b) / (a + 1.0), 1.0 - 1e-9))
+    far = a * np.log(x) + b * np.log1p(-x) - math.log(a) - special.betaln(a, b) + series
+    return np.where(found > LEAST_P, np.log(np.maximum(found, LEAST_P)), np.minimum(far, math.log(LEAST_P)))
 
 
 @dataclass(frozen=True)
@@ -57,7 +93,7 @@ class Scan:
     bases: tuple[Array, ...]
 
     def __call__(self, white: Array) -> Array:
-        """Nominal p-values (tests, draws) of whitened columns (m, draws).
+        """Natural logarithms of nominal p-values (tests, draws) of whitened columns (m, draws).
 
         Tests are the families, two on the repeats of each group that has any, and one on single rows where asked for.
         """
@@ -79,21 +115,22 @@ class Scan:
         for basis in self.bases:
             k = basis.shape[1]
             if k == 0:
-                tests.append(np.ones(white.shape[1]))
+                tests.append(np.zeros(white.shape[1]))
                 continue
             group = int(np.argmax([float(np.sum(basis[rows] ** 2)) for rows in self.evidence.groups]))
-            tests.append(special.fdtrc(k, dof[group], np.sum((basis.T @ standard) ** 2, axis=0) / k))
+            tests.append(_log_upper_tail(k, dof[group], np.sum((basis.T @ standard) ** 2, axis=0) / k))
         for group, columns in enumerate(self.evidence.contrasts):
             if columns.shape[1]:
                 ratio = np.mean((columns.T @ residual) ** 2, axis=0) / variance[group]
-                tests.append(2.0 * special.fdtrc(columns.shape[1], dof[group], ratio))
-                tests.append(2.0 * special.fdtr(columns.shape[1], dof[group], ratio))
+                lower = np.maximum(special.fdtr(columns.shape[1], dof[group], ratio), LEAST_P)
+                tests.append(math.log(2.0) + _log_upper_tail(columns.shape[1], dof[group], ratio))
+                tests.append(math.log(2.0) + np.log(lower))
         if self.evidence.single_rows:
             room = np.sqrt(np.maximum(1.0 - np.einsum("ij,ij->i", self.baseline, self.baseline), 1e-6))
             usable = room > MINIMUM_ROOM
             largest = np.max(np.abs(standard[usable]) / room[usable, None], axis=0)
-            tests.append(np.minimum(2.0 * usable.sum() * special.stdtr(min(dof), -largest), 1.0))
-        return np.clip(np.stack(tests), 1e-300, 1.0)
+            tests.append(math.log(max(usable.sum(), 1)) + _log_upper_tail(1, min(dof), largest**2))
+        return np.minimum(np.stack(tests), 0.0)
 
 
 def make_scan(evidence: Evidence, baseline: Array) -> Scan:
@@ -109,9 +146,9 @@ def make_scan(evidence: Evidence, baseline: Array) -> Scan:
     return Scan(evidence, base, everything, tuple(bases))
 
 
-def look_elsewhere(p_value: float, smallest: Array) -> float:
-    """Probability that pure noise shows something as clear: of its smallest nominal p-values (draws,)."""
-    return (1.0 + float(np.sum(smallest <= p_value))) / (len(smallest) + 1.0)
+def look_elsewhere(observed: float, smallest: Array) -> float:
+    """Probability that pure noise shows as clear a thing: of its smallest nominal p-values (draws,), or logarithms."""
+    return (1.0 + float(np.sum(smallest <= observed))) / (len(smallest) + 1.0)
 
 
 def studentised(left: Array, room: Array, group: Mask) -> tuple[npt.NDArray[np.intp], Array, float]:

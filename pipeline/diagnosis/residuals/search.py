@@ -189,11 +189,11 @@ def study_residuals(
     model = start_model(curves) if analysis.calibration is None else analysis.calibration.model
     whole = _all_readings(fits)
     trials = [_ready(fit, whole, floor, bench, model, draws, seed) for fit in fits]
-    alone = [_steps(trial, np.ones(draws), 1) for trial in trials]
-    smallest = [steps[0].smallest if steps else np.ones(draws) for steps in alone]
+    alone = [_steps(trial, np.zeros(draws), 1) for trial in trials]
+    smallest = [steps[0].smallest if steps else np.zeros(draws) for steps in alone]
     parts: list[ShaftResidual] = []
     for k, trial in enumerate(trials):
-        elsewhere = np.min([np.ones(draws), *smallest[:k], *smallest[k + 1 :]], axis=0)
+        elsewhere = np.min([np.zeros(draws), *smallest[:k], *smallest[k + 1 :]], axis=0)
         steps = _steps(trial, elsewhere)
         found = _followed(trial, steps)
         ranked = [trial.looks[step.best].family.columns for step in steps if step.p_value <= FALSE_ALARM_RATE]
@@ -270,7 +270,7 @@ def _followed(trial: _FitEvidence, steps: list[Step]) -> _Found:
                 size_u=noise / math.sqrt(n),
                 noise_size=noise * math.sqrt(basis.shape[1] / n),
                 shape=look.shape(drag),
-                p_value=float(first.nominal[i]),
+                p_value=math.exp(first.nominal[i]),
                 p_search=first.corrected(i),
                 same_trace=tuple(dict.fromkeys(trial.looks[j].covariate.id for j in carriers)),
                 rank=number,
