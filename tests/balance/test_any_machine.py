@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import polars as pl
@@ -24,7 +25,8 @@ from pmg.pipeline.diagnosis.balance import contest
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.contest import ModelStep
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms, with_free_runs
-from pmg.pipeline.diagnosis.balance.document import free_run_lines, headline, percent, terms_document, terms_lines
+from pmg.pipeline.diagnosis.balance.document import free_run_lines, headline, terms_document, terms_lines
+from pmg.pipeline.diagnosis.balance.errors_told import errors_sentence, percent
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE, ROTARY_DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import Motion
 from pmg.pipeline.diagnosis.balance.periods import MOST, MOST_VALUES, PER_PERIOD, periods
@@ -387,7 +389,25 @@ def test_every_headline_tells_the_withheld_error_and_what_does_not_carry_over(tm
     slide.record(
         odd / "withheld.csv", slide.motion(other, slide.SECONDS), lambda m: 40.0 * m.a + 300.0 * m.v, other, 1.0
     )
-    assert headline(diagnosed(path)).endswith("it does not carry over.")
+    found = diagnosed(path)
+    assert re.search(r", which is [3-9]\d\d? times that of the fit\.$|: it does not carry over\.$", headline(found))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "end"),
+    [
+        (None, (0.04, 0.05), "on the withheld record 5.00 %."),
+        (None, (0.04, 0.5), "on the withheld record 50.00 %, which is 12 times that of the fit."),
+        ((0.3, 0.26), (0.01, 0.03), "26.00 % before, 3.00 % after, which is 3 times that of the fit."),
+        ((0.3, 0.26), (0.01, 0.25), "26.00 % before, 25.00 % after: it does not carry over."),
+    ],
+)
+def test_what_carries_over_is_not_said_not_to(
+    before: tuple[float, float] | None, after: tuple[float, float], end: str
+) -> None:
+    steps = [SimpleNamespace(error_fit=fit, error_withheld=other) for fit, other in filter(None, (before, after))]
+    diagnosis = SimpleNamespace(case=SimpleNamespace(axis=ROTARY), withheld=object())
+    assert errors_sentence(cast("Any", diagnosis), cast("Any", steps[0]), cast("Any", steps[-1])).endswith(end)
 
 
 @pytest.mark.parametrize(("part", "told"), [(0.0306, "3.06 %"), (57109277.0, "more than 1000 %"), (float("nan"), "–")])

@@ -16,10 +16,11 @@ from tests.slow import slow
 from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
 from pmg.pipeline.commands.machines.terms import run_terms
 from pmg.pipeline.diagnosis.balance import borne_out, low_passes
-from pmg.pipeline.diagnosis.balance.borne_out import HeldBack, sure_part
+from pmg.pipeline.diagnosis.balance.borne_out import HeldBack, of_no_size, sure_part
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline, terms_document
+from pmg.pipeline.diagnosis.balance.estimate import Estimate
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
 from pmg.pipeline.diagnosis.balance.library.elastic import LIKE_PLAY, RESONANCE
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_remarks, low_pass_sentence
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.commands.outcome import Outcome
     from pmg.pipeline.diagnosis.balance.case import Case
+    from pmg.pipeline.diagnosis.balance.estimate import FittedTerms
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.recording.remark import Remark
     from pmg.sim.signals import Array
@@ -176,6 +178,35 @@ def test_what_play_in_a_coupling_would_do_as_well_is_not_named(tmp_path: Path, m
     assert found.held_back is HeldBack.LIKE_PLAY
     assert terms_document(found)["held_back"] == "like play"
     assert "Coulomb friction would explain it, but play in a coupling looks the same. Hold the load" in headline(found)
+
+
+@pytest.mark.parametrize(
+    ("term", "sizes", "unknown"),
+    [
+        ("direction_dependent_coulomb", [(56.0, 54.0)], ["half_difference"]),
+        ("direction_dependent_coulomb", [(56.0, 14.0)], []),
+        ("position_ripple", [(0.1, 0.2), (2.0, 0.2)], []),
+        ("drag_of_power", [(1.0, 3.0)], []),  # at 1 rad/s, far from where it was seen: that goes with its power
+    ],
+)
+def test_a_size_is_known_where_no_few_samples_carry_it(
+    term: str, sizes: list[tuple[float, float]], unknown: list[str]
+) -> None:
+    candidate = next(each for each in DRIVE if each.identifier == term)
+    quantities = zip(candidate.parameters, sizes, strict=False)
+    estimates = tuple(Estimate(term, q.name, q.unit, value, error, value, error) for q, (value, error) in quantities)
+    other = Estimate("inertia", "M", "kg", 1.0, 9.0, 1.0, 9.0)
+    fit = SimpleNamespace(identifier=term, candidate=candidate)
+    found = SimpleNamespace(fits=(fit,), estimates=(other, *estimates))
+    assert [e.name for e in of_no_size(cast("FittedTerms", found))] == unknown
+
+
+def test_a_cause_whose_size_is_not_known_is_not_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Estimate, "interval", property(lambda e: (e.value - 1.0, e.value + 1.0)))
+    case = read_case(wheel.make_case(tmp_path, dry))
+    found = diagnose_terms(case, *read_recordings(case), np.random.default_rng(1))
+    assert found.held_back is HeldBack.SIZE_UNKNOWN
+    assert "a few samples carry it: the size of Coulomb friction is not known, Fc = 0.0" in headline(found)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.document import percent
+from pmg.pipeline.diagnosis.balance.errors_told import percent
 from pmg.pipeline.report.document import Chart, Figure, Series
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.causes import named_causes, near_causes
-from pmg.pipeline.diagnosis.balance.document import headline, percent
+from pmg.pipeline.diagnosis.balance.document import headline
+from pmg.pipeline.diagnosis.balance.errors_told import percent
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_sentence
 from pmg.pipeline.diagnosis.balance.parts import ONE_SHAFT, TWO_SHAFTS, part_of
 from pmg.pipeline.diagnosis.balance.titles import left_out_sentence, why_held_back

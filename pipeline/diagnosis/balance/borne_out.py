@@ -14,6 +14,7 @@ from pmg.pipeline.diagnosis.engine.found_set import name_part
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case import Case
+    from pmg.pipeline.diagnosis.balance.estimate import Estimate, FittedTerms
     from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried
     from pmg.pipeline.diagnosis.balance.search_record import Searched
 
@@ -27,6 +28,8 @@ class HeldBack(StrEnum):
     """It makes the error on the withheld record larger by a tenth or more, with certainty."""
     LIKE_PLAY = "like play"
     """Play in a coupling would be explained by the same terms."""
+    SIZE_UNKNOWN = "size unknown"
+    """Left out in turn, parts of the record move its size by more than itself: a few samples carry it."""
 
 
 def sure_part(
@@ -58,13 +61,40 @@ def _asked(case: Case, low_passes: tuple[LowPassTried, ...], limit: float) -> li
     return clear or [each.ids for each in seen]
 
 
-def held_back(s: Searched, case: Case, low_passes: tuple[LowPassTried, ...], *, worse: bool) -> HeldBack | None:
-    """Why terms that stood the proof are not named; `worse` is whether they make the withheld error larger."""
+def held_back(
+    s: Searched, case: Case, low_passes: tuple[LowPassTried, ...], fitted: FittedTerms, *, worse: bool
+) -> HeldBack | None:
+    """Why terms that stood the proof are not named.
+
+    Parameters
+    ----------
+    s : Searched
+        The search that found them.
+    case : Case
+        The case.
+    low_passes : tuple of LowPassTried
+        What the search says with other low-passes.
+    fitted : FittedTerms
+        The model with all of them.
+    worse : bool
+        Whether they make the error on the withheld record larger.
+    """
     if {fit.identifier for fit in s.named} >= LIKE_PLAY:
         return HeldBack.LIKE_PLAY
+    if of_no_size(fitted):
+        return HeldBack.SIZE_UNKNOWN
     if worse:
         return HeldBack.WORSE_WITHHELD
     return HeldBack.LOW_PASS if _none_names(s, case, low_passes) else None
+
+
+def of_no_size(fitted: FittedTerms) -> tuple[Estimate, ...]:
+    """Sizes of the first term of which the interval of each holds zero; a term whose size goes with a shape has one."""
+    for fit in fitted.fits:
+        own = tuple(e for e in fitted.estimates if e.term == fit.identifier)
+        if fit.candidate.shape is None and all(e.interval[0] <= 0.0 <= e.interval[1] for e in own):
+            return own
+    return ()
 
 
 def _none_names(s: Searched, case: Case, low_passes: tuple[LowPassTried, ...]) -> bool:

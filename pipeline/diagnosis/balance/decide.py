@@ -191,7 +191,7 @@ def _judged(
     impossible = impossible_in(steps[-1].fitted)
     back: HeldBack | None = None
     if verdict is Verdict.NAMED and not impossible:
-        back = held_back(s, case, low_passes, worse=_worse_withheld(data, steps, rng))
+        back = held_back(s, case, low_passes, steps[-1].fitted, worse=_worse_withheld(data, steps, rng))
     if impossible or back is not None:
         verdict = Verdict.NOT_IN_LIBRARY
     last = settled(s.problem, (refinements or steps)[-1].fitted.fits)

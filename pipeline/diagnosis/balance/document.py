@@ -6,6 +6,7 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.diagnosis.balance.errors_told import errors_sentence, percent
 from pmg.pipeline.diagnosis.balance.estimate import impossible_in
 from pmg.pipeline.diagnosis.balance.records.zero import zero_lines
 from pmg.pipeline.diagnosis.balance.titles import (
@@ -15,6 +16,7 @@ from pmg.pipeline.diagnosis.balance.titles import (
     titled,
     titles_of,
     why_held_back,
+    with_error,
 )
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
@@ -31,12 +33,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.free_run import FreeRun
     from pmg.pipeline.diagnosis.balance.mismatch import Place
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
-
-FAR = 2.0
-"""Error on the withheld record over that of the fit from which on a model does not carry over."""
-
-MOST_PART = 10.0
-"""Relative error from which on a number says nothing."""
 
 SCHEMA = "pmg.terms-diagnosis/1"
 """Schema of the document."""
@@ -180,13 +176,6 @@ def taken_for_granted(case: Case, joint: str) -> str:
     return f"{joint.join(case.baseline)}{further}"
 
 
-def percent(part: float) -> str:
-    """A part of 1 in per cent; of what is ten times as large as the whole, only that."""
-    if math.isnan(part):
-        return "–"
-    return f"{100.0 * part:.2f} %" if part < MOST_PART else f"more than {100.0 * MOST_PART:.0f} %"
-
-
 def headline(diagnosis: TermsDiagnosis) -> str:
     """The verdict in one or two sentences."""
     named = [titled(step.fitted.fits[-1].candidate) for step in diagnosis.steps[1:]]
@@ -213,40 +202,27 @@ def headline(diagnosis: TermsDiagnosis) -> str:
             apart = "; or ".join(titles_of(f for f in fits if f.identifier not in shared) or "nothing" for fits in sets)
             head = f"Ambiguous: {sure}, and besides {apart}." if sure else f"Ambiguous: {apart}."
     main = in_the_main_sentence(diagnosis.naming, diagnosis.held_out) if diagnosis.verdict.names else ""
-    sentences = (*_impossible(diagnosis), head, main, left_out_sentence(diagnosis), _errors(diagnosis, first, last))
+    sentences = (
+        *_impossible(diagnosis),
+        head,
+        main,
+        left_out_sentence(diagnosis),
+        errors_sentence(diagnosis, first, last),
+    )
     return " ".join(sentence for sentence in sentences if sentence)
 
 
 def _impossible(diagnosis: TermsDiagnosis) -> Iterator[str]:
     """What no machine has, and what to check."""
-    values = (f"{title_of(diagnosis, e.term)} of {_with_error(e)}" for e in diagnosis.impossible)
+    values = (f"{title_of(diagnosis, e.term)} of {with_error(e)}" for e in diagnosis.impossible)
     if told := " and ".join(values):
         yield f"No machine has {told}: check sign, unit and filter of the channels."
-
-
-def _with_error(e: Estimate) -> str:
-    return f"{e.value:.3g} ± {e.standard_error:.2g} {e.unit}"
-
-
-def _errors(diagnosis: TermsDiagnosis, first: ModelStep, last: ModelStep) -> str:
-    """Errors of the first model and the last, on the record of the fit and on the withheld one, if there is one."""
-    pushes, steps = diagnosis.case.axis.pushes, (first, last) if last is not first else (first,)
-    told = f"Relative {pushes} error {_in_turn([percent(step.error_fit) for step in steps])}"
-    if diagnosis.withheld is None:
-        return f"{told}."
-    told = f"{told}; on the withheld record {_in_turn([percent(step.error_withheld) for step in steps])}"
-    far = last.error_withheld > FAR * last.error_fit
-    return f"{told}: it does not carry over." if far else f"{told}."
-
-
-def _in_turn(words: list[str]) -> str:
-    return words[0] if len(words) == 1 else f"{words[0]} before, {words[1]} after"
 
 
 def _why_dropped(diagnosis: TermsDiagnosis, step: ModelStep) -> str:
     """Why a refinement was dropped: values that no machine has, or else the error on the withheld record."""
     values = [
-        f"{_with_error(e)} of {'it' if e.term == step.added else title_of(diagnosis, e.term)}"
+        f"{with_error(e)} of {'it' if e.term == step.added else title_of(diagnosis, e.term)}"
         for e in impossible_in(step.fitted)
     ]
     off = f"with which the withheld record is off by {percent(step.error_withheld)}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.diagnosis.balance.borne_out import HeldBack
+from pmg.pipeline.diagnosis.balance.borne_out import HeldBack, of_no_size
 from pmg.pipeline.diagnosis.balance.library.drive import GAP_TEST
 from pmg.pipeline.wording.plurals import uncapitalised
 
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+    from pmg.pipeline.diagnosis.balance.estimate import Estimate
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.balance.library.term import Term
 
@@ -40,8 +41,18 @@ def why_held_back(diagnosis: TermsDiagnosis) -> str:
         return f"{found} would explain it, but play in a coupling looks the same. {GAP_TEST}."
     if diagnosis.held_back is HeldBack.WORSE_WITHHELD:
         return f"{found} would explain it, but the error on the withheld record is larger with it."
+    if diagnosis.held_back is HeldBack.SIZE_UNKNOWN:
+        unknown = of_no_size(diagnosis.steps[-1].fitted)
+        sizes = ", ".join(f"{e.name} = {with_error(e)}" for e in unknown)
+        of = title_of(diagnosis, unknown[0].term)
+        return f"{found} would explain it, but a few samples carry it: the size of {of} is not known, {sizes}."
     given = f"{diagnosis.case.prepare.low_pass_hz:g} Hz"
     return f"{found} would explain it with the low-pass of {given}, but neither half of that nor twice names the same."
+
+
+def with_error(e: Estimate) -> str:
+    """A parameter with its standard error and unit."""
+    return f"{e.value:.3g} ± {e.standard_error:.2g} {e.unit}"
 
 
 def titled(term: Term[Any]) -> str:

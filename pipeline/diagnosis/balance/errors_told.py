@@ -1,0 +1,47 @@
+"""How large the errors of a model are, on the record of its fit and on the withheld one."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.contest import ModelStep
+    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+
+FAR = 2.0
+"""Error on the withheld record over that of the fit from which on a model may not carry over."""
+
+CARRIED = 0.5
+"""Error on the withheld record with a cause, over that without, up to which the cause carries over."""
+
+TINY = 1e-12
+"""Least relative error that another one is held against."""
+
+MOST_PART = 10.0
+"""Relative error from which on a number says nothing."""
+
+
+def percent(part: float) -> str:
+    """A part of 1 in per cent; of what is ten times as large as the whole, only that."""
+    if math.isnan(part):
+        return "–"
+    return f"{100.0 * part:.2f} %" if part < MOST_PART else f"more than {100.0 * MOST_PART:.0f} %"
+
+
+def errors_sentence(diagnosis: TermsDiagnosis, first: ModelStep, last: ModelStep) -> str:
+    """Errors of the first model and the last, on the record of the fit and on the withheld one, if there is one."""
+    pushes, steps = diagnosis.case.axis.pushes, (first, last) if last is not first else (first,)
+    told = f"Relative {pushes} error {_in_turn([percent(step.error_fit) for step in steps])}"
+    if diagnosis.withheld is None:
+        return f"{told}."
+    told = f"{told}; on the withheld record {_in_turn([percent(step.error_withheld) for step in steps])}"
+    if last.error_withheld <= FAR * last.error_fit:
+        return f"{told}."
+    if last is not first and last.error_withheld > CARRIED * first.error_withheld:
+        return f"{told}: it does not carry over."
+    return f"{told}, which is {last.error_withheld / max(last.error_fit, TINY):.2g} times that of the fit."
+
+
+def _in_turn(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{words[0]} before, {words[1]} after"
