@@ -11,12 +11,11 @@ from pmg.pipeline.chapters.explained.balance_figures import friction_figure, res
 from pmg.pipeline.chapters.explained.free_run import free_run_sections
 from pmg.pipeline.chapters.explained.low_passes import low_passes_table
 from pmg.pipeline.diagnosis.balance.causes import named_causes, nearest_lines
-from pmg.pipeline.diagnosis.balance.document import taken_for_granted
 from pmg.pipeline.diagnosis.balance.errors_told import percent
 from pmg.pipeline.diagnosis.balance.library.drive import EMPS
 from pmg.pipeline.diagnosis.balance.records.zero import words_of_zero
 from pmg.pipeline.diagnosis.balance.serial import KUENSCH
-from pmg.pipeline.diagnosis.balance.titles import separating_test, title_of, titled
+from pmg.pipeline.diagnosis.balance.titles import separating_test, taken_for_granted, title_of, titled
 from pmg.pipeline.report.document import Cell, Column, Facts, Measured, Section, Table, Text
 from pmg.sim import sources
 

@@ -12,6 +12,7 @@ from pmg.pipeline.diagnosis.balance.records.zero import zero_lines
 from pmg.pipeline.diagnosis.balance.titles import (
     left_out_sentence,
     separating_test,
+    taken_for_granted,
     title_of,
     titled,
     titles_of,
@@ -25,7 +26,6 @@ from pmg.pipeline.fit.document import number
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
     from pmg.pipeline.diagnosis.balance.contest import Contest, ModelStep
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
@@ -167,13 +167,6 @@ def _contest(contest: Contest, unit: str) -> dict[str, Any]:
         "relative_error_fit": number(contest.error_fit),
         "relative_error_withheld": number(contest.error_withheld),
     }
-
-
-def taken_for_granted(case: Case, joint: str) -> str:
-    """The terms of the baseline by their ids, and further ones that are known."""
-    known = joint.join(each.term.key for each in case.known if each.amplitudes.any())
-    further = f"; known: {known}" if known else ""
-    return f"{joint.join(case.baseline)}{further}"
 
 
 def headline(diagnosis: TermsDiagnosis) -> str:

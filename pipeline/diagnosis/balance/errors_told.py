@@ -12,11 +12,8 @@ if TYPE_CHECKING:
 FAR = 2.0
 """Error on the withheld record over that of the fit from which on a model may not carry over."""
 
-CARRIED = 0.5
+FALLS_TO = 0.5
 """Error on the withheld record with a cause, over that without, up to which the cause carries over."""
-
-TINY = 1e-12
-"""Least relative error that another one is held against."""
 
 MOST_PART = 10.0
 """Relative error from which on a number says nothing."""
@@ -38,9 +35,10 @@ def errors_sentence(diagnosis: TermsDiagnosis, first: ModelStep, last: ModelStep
     told = f"{told}; on the withheld record {_in_turn([percent(step.error_withheld) for step in steps])}"
     if last.error_withheld <= FAR * last.error_fit:
         return f"{told}."
-    if last is not first and last.error_withheld > CARRIED * first.error_withheld:
+    if last is not first and last.error_withheld > FALLS_TO * first.error_withheld:
         return f"{told}: it does not carry over."
-    return f"{told}, which is {last.error_withheld / max(last.error_fit, TINY):.2g} times that of the fit."
+    times = last.error_withheld / last.error_fit if last.error_fit > 0.0 else math.inf
+    return f"{told}, which is {times:.2g} times that of the fit."
 
 
 def _in_turn(words: list[str]) -> str:

@@ -11,6 +11,7 @@ from pmg.pipeline.wording.plurals import uncapitalised
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
@@ -64,3 +65,10 @@ def separating_test(diagnosis: TermsDiagnosis, ids: tuple[str, ...]) -> str:
     """Test that would tell some terms apart."""
     tests = {t.identifier: t.separating_test for t in diagnosis.case.library}
     return next((tests[name] for name in ids if tests[name]), "")
+
+
+def taken_for_granted(case: Case, joint: str) -> str:
+    """The terms of the baseline by their ids, and further ones that are known."""
+    known = joint.join(each.term.key for each in case.known if each.amplitudes.any())
+    further = f"; known: {known}" if known else ""
+    return f"{joint.join(case.baseline)}{further}"
