@@ -95,7 +95,7 @@ def test_the_cause_is_named_in_the_document(told: tuple[MotionCase, Outcome, Pat
     truth = HEAVIER * case.scene.bench.shafts.ring.rotor_inertia
     assert abs(more["value"] - truth) < 0.2 * truth
     assert found["held_out"]["gain_interval_Nm"][0] > 0.0
-    assert any(place["depends_on"] == ["inertia ring"] for place in found["locations"])
+    assert any(place["depends_on"] == ["inertia of the ring rotor"] for place in found["locations"])
     absorbed = {row["parameter"] for row in found["absorbed"]}
     assert {"inertia_ring", "pull_out"} <= absorbed
     compared = outcome.data["compare"]

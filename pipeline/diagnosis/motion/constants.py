@@ -66,9 +66,6 @@ and what the noise of a torque in its own second derivative adds, times the iner
 ENGAGED_DRY = 2e-3
 """Standard deviation of the dry friction of a rotor that engaging brings [N m]: nothing touches in a magnetic gear."""
 
-DOUBT = 1.5
-"""Factor on what is said of the uncertainty of a data sheet."""
-
 FREE = np.inf
 
 
@@ -206,10 +203,9 @@ def sheet_of(bench: BenchParameters, gear: int, engaged: tuple[str, ...]) -> Dat
 
     Notes
     -----
-    Standard uncertainties: 5 % of a rotor's inertia, 20 % of a coupling's stiffness, 3 % of the pull-out torque, each
-    times `DOUBT`, as what is said of a bench is itself uncertain, and what `GIVE_FORM` says of a coupling; 2 mN m of
-    the zero of a transducer and of dry friction that engaging brings. Loss curves and the damping of the pole angle
-    are the campaign's own.
+    Standard uncertainties: 5 % of a rotor's inertia, 20 % of a coupling's stiffness and what `GIVE_FORM` says of it,
+    3 % of the pull-out torque; 2 mN m of the zero of a transducer and of dry friction that engaging brings. Loss curves
+    and the damping of the pole angle are the campaign's own.
     """
     stage = bench.gear(gear)
     peak = float(stage.pull_out_torque_sun) / stage.pole_pairs.sun
@@ -218,12 +214,12 @@ def sheet_of(bench: BenchParameters, gear: int, engaged: tuple[str, ...]) -> Dat
         for side in SIDES:
             inertia = float(getattr(bench.shafts, f"inertia_{side}")) + float(getattr(bench.rotors, f"inertia_{side}"))
             compliance = 1.0 / float(bench.shafts.joint_stiffness)
-            yield SheetConstant(f"inertia_{side}", "kg m2", inertia, DOUBT * 0.05 * inertia)
-            give = float(np.linalg.norm([DOUBT * 0.2 * compliance, GIVE_FORM, GIVE_NOISE / inertia]))
+            yield SheetConstant(f"inertia_{side}", "kg m2", inertia, 0.05 * inertia)
+            give = float(np.linalg.norm([0.2 * compliance, GIVE_FORM, GIVE_NOISE / inertia]))
             yield SheetConstant(f"compliance_{side}", "rad/(N m)", compliance, give)
             yield SheetConstant(f"zero_{side}", "N m", 0.0, 2e-3)
             yield SheetConstant(f"skew_{side}", "s", 0.0, SKEW)
-        yield SheetConstant("pull_out", "N m", peak, DOUBT * 0.03 * peak)
+        yield SheetConstant("pull_out", "N m", peak, 0.03 * peak)
         yield SheetConstant("slip_damping", "N m s/rad", 0.0, FREE)
         yield from (SheetConstant(f"slip_damping_off_{side}", "N m", 0.0, SLIP_FORM) for side in SIDES)
         yield from (SheetConstant(map_name(wave), "N m", 0.0, MAP_FORM) for wave in MAP_WAVES)

@@ -14,10 +14,9 @@ from pmg.pipeline.diagnosis.grid.document import SCHEMA, form_of, legible, near_
 from pmg.pipeline.diagnosis.grid.rivals import CLOSE, NONE_KNOWN, nearest_share, rival_row, why_not_named, why_open
 from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER, merged
 from pmg.pipeline.diagnosis.motion.fitted_size import IN_ALL, FittedSize
-from pmg.pipeline.diagnosis.motion.places import signal_of, size_of
+from pmg.pipeline.diagnosis.motion.places import follows, signal_of, size_of
 from pmg.pipeline.diagnosis.motion.statement import (
     effect_size,
-    follows,
     held_out_in_torque,
     phrase,
     row_noise_of,
@@ -32,6 +31,25 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, MotionPlace
     from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun
     from pmg.sim.signals import Array
+
+POINTS_TO = {
+    "eccentricity": "{side}_encoder",
+    "inertia": "{side}_bearings",
+    "drag": "{side}_bearings",
+    "compliance": "{side}_coupling",
+    "torque rate": "{side}_coupling",
+    "skew": "{side}_torque_transducer",
+    "zero": "{side}_torque_transducer",
+    "passage": "{side}_bearings",
+    "direction": "{side}_bearings",
+    "time in the run": "{side}_bearings",
+    "travel since reversal": "{side}_bearings",
+    "pull_out": "magnetic_gear",
+    "map": "magnetic_gear",
+    "pole": "magnetic_gear",
+    "rate of the pole angle": "magnetic_gear",
+}
+"""Components by how what is followed begins."""
 
 
 def motion_document(diagnosis: MotionDiagnosis) -> dict[str, Any]:
@@ -85,17 +103,10 @@ def motion_document(diagnosis: MotionDiagnosis) -> dict[str, Any]:
 
 def _component_of(place: MotionPlace) -> Component | None:
     """Component that a place points to; None where it cannot tell."""
-    follows, side = place.family.follows, signal_of(place)
-    if follows.startswith("eccentricity"):
-        return Component(f"{side}_encoder")
-    if follows in ("pull_out", "map", "poles of the gear"):
-        return Component.MAGNETIC_GEAR
-    if follows.startswith("compliance") or follows == "torque rate":
-        return Component(f"{side}_coupling")
-    if follows in ("direction", "time in the run", "travel since reversal", f"passage_{side}"):
-        return Component(f"{side}_bearings")
-    if follows in ("pole angle", "rate of the pole angle"):
-        return Component.MAGNETIC_GEAR
+    name, side = place.family.follows, signal_of(place)
+    for begins, component in POINTS_TO.items():
+        if name.startswith(begins):
+            return Component(component.format(side=side))
     return None
 
 

@@ -1,4 +1,4 @@
-"""Places of a difference in motion: the signal in which each is seen, its size, which is the largest."""
+"""Places of a difference in motion: what each follows, the signal in which it is seen, its size, the largest."""
 
 from __future__ import annotations
 
@@ -10,6 +10,32 @@ from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET, OFF_SHEET
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, MotionPlace
+
+OF_CONSTANTS = {
+    "inertia": "inertia of the {side} rotor",
+    "compliance": "compliance of the {side} coupling",
+    "skew": "time between torque and angle of the {side} shaft",
+    "zero": "zero of the {side} transducer",
+    "drag": "loss curve of the {side} rotor",
+    "ripple": "ripple of a turn of the {side} shaft",
+    "eccentricity": "eccentricity of the {side} encoder",
+    "map": "torque against pole angle",
+    "passage": "friction of the {side} rotor through standstill",
+}
+"""Constants by how their names begin, in words."""
+
+PART_OF_SHEET = 0.25
+"""Part of what a constant off its data sheet is worth from which on a torque beyond the constants is told before it."""
+
+
+def follows(place: MotionPlace) -> str:
+    """What the torque follows at a place, or which constant is far from its data sheet."""
+    name = place.family.follows
+    if place.family.configuration == OFF_SHEET:
+        for start, words in OF_CONSTANTS.items():
+            if name.startswith(start):
+                return words.format(side=signal_of(place))
+    return name.replace("_", " ")
 
 
 def signal_of(place: MotionPlace) -> str:
@@ -37,15 +63,18 @@ def of_sheet(diagnosis: MotionDiagnosis, place: MotionPlace) -> list[int]:
 
 
 def largest_of(diagnosis: MotionDiagnosis) -> MotionPlace:
-    """The place where the difference is largest, of a rotor's torque where there is one."""
-    places = diagnosis.mismatch.locations
-    of_rotors = [place for place in places if place.family.configuration != OFF_SHEET]
-    return max(of_rotors or places, key=lambda place: size_of(diagnosis, place))
+    """The place where the difference is largest, of a rotor's torque where that is a good part of it."""
+    sizes = {place: size_of(diagnosis, place) for place in diagnosis.mismatch.locations}
+    least = PART_OF_SHEET * max(sizes.values())
+    of_rotors = [p for p, size in sizes.items() if p.family.configuration != OFF_SHEET and size >= least]
+    return max(of_rotors or sizes, key=sizes.__getitem__)
 
 
 def where_to_look(diagnosis: MotionDiagnosis) -> str:
-    """Shaft and runs in which the difference is largest."""
-    family = largest_of(diagnosis).family if diagnosis.mismatch.locations else None
-    if family is None or family.configuration == OFF_SHEET:
-        return "the data sheet"
-    return f"the {family.side} shaft in {family.configuration} runs"
+    """Constant, or shaft and runs, in which the difference is largest."""
+    if not diagnosis.mismatch.locations:
+        return "the bench"
+    place = largest_of(diagnosis)
+    if place.family.configuration == OFF_SHEET:
+        return f"the {follows(place)}, which is not that of the data sheet"
+    return f"the {place.family.side} shaft in {place.family.configuration} runs"

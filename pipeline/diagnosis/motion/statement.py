@@ -14,7 +14,7 @@ from pmg.pipeline.diagnosis.grid.rivals import nearest_share, why_not_named, why
 from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES, SHAFT_WORDS
 from pmg.pipeline.diagnosis.motion.design.remedy import advice
 from pmg.pipeline.diagnosis.motion.evidence import OFF_SHEET
-from pmg.pipeline.diagnosis.motion.places import largest_of, of_sheet, signal_of, size_of
+from pmg.pipeline.diagnosis.motion.places import follows, largest_of, of_sheet, size_of
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.motion.smooth import BAND
 from pmg.pipeline.wording.plurals import uncapitalised
@@ -25,16 +25,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.engine.explanation import Explanation
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
-    from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, MotionPlace
+    from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
     from pmg.sim.signals import Array
-
-OF_PARTS = {
-    "ripple": "ripple of a turn of the {side} shaft",
-    "eccentricity": "eccentricity of the {side} encoder",
-    "map": "torque against pole angle",
-    "passage": "friction of the {side} rotor through standstill",
-}
-"""Constants of several parts, by how their names begin, in words."""
 
 
 def phrase(diagnosis: MotionDiagnosis) -> str:
@@ -115,15 +107,6 @@ def _in_torque(diagnosis: MotionDiagnosis) -> float:
     return float(np.sqrt(mean_square)) * diagnosis.evidence.scatter
 
 
-def follows(place: MotionPlace) -> str:
-    """What the torque follows at a place, or which constant is far from its data sheet."""
-    name, side = place.family.follows, signal_of(place)
-    for start, words in OF_PARTS.items():
-        if name.startswith(start):
-            return words.format(side=side)
-    return name.replace("_", " ")
-
-
 def _place(diagnosis: MotionDiagnosis) -> str:
     differ = f"Model and recordings differ (p ≤ {diagnosis.mismatch.p_value:.2g})."
     return f"{differ} Most of it: {where}" if (where := largest_place(diagnosis)) else differ
@@ -134,15 +117,15 @@ def largest_place(diagnosis: MotionDiagnosis) -> str:
     if not diagnosis.mismatch.locations:
         return ""
     place = largest_of(diagnosis)
-    size = f"{size_of(diagnosis, place) / MILLI:.1f} mN m rms beyond the fitted constants"
+    size = f"{size_of(diagnosis, place) / MILLI:.1f} mN m rms"
     if place.family.configuration != OFF_SHEET:
         where = f"the {place.family.side} torque in {place.family.configuration} runs"
-        return f"{where} follows the {follows(place)} ({size})."
+        return f"{where} follows the {follows(place)} ({size} beyond the fitted constants)."
     sheet, at = diagnosis.before.sheet, of_sheet(diagnosis, place)
     apart = (diagnosis.before.values[at] - sheet.expected[at]) / sheet.spread[at]
     distance = f"{apart[0]:+.1f}" if len(apart) == 1 else f"{np.linalg.norm(apart):.1f}"
     far = f"fitted without a cause, it lies {distance} standard uncertainties off"
-    return f"the {follows(place)} is not that of the data sheet ({size}); {far}."
+    return f"the {follows(place)} is not that of the data sheet (worth {size}); {far}."
 
 
 def _size(diagnosis: MotionDiagnosis, i: int, effect: tuple[Array, ...]) -> str:

@@ -77,4 +77,4 @@ def next_run(diagnosis: MotionDiagnosis) -> str:
     best = max(merged(diagnosis.next_runs), key=lambda run: run.power)
     if best.power >= LEAST_POWER:
         return best.words
-    return f"look for the cause on the bench; no run that was tried would tell, at best {best.words}"
+    return f"look for the cause on the bench: of the runs that were tried the best would tell in {best.power:.0%}"
