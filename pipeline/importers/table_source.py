@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 NUMBERS = "fiub"
 """Kinds of values that are numbers."""
 
+NANOSECONDS = 1e9
+"""In a second."""
+
 READERS = {"mat": ("SciPy", "scipy"), "parquet": ("Polars", "polars")}
 """Title and package of what reads a format."""
 
@@ -53,12 +56,19 @@ class TableSource:
 
     def __post_init__(self) -> None:
         title, package = READERS[self.format]
+        of_time: frozenset[str] = frozenset()
         self.reader = f"{title} {version(package)}"
         try:
-            self._columns = _of_mat(self.path) if self.format == "mat" else _of_parquet(self.path)
+            if self.format == "mat":
+                self._columns = _of_mat(self.path)
+            else:
+                self._columns, of_time = _of_parquet(self.path)
         except Exception as fault:  # damaged files end the readers in errors of any kind
             raise unreadable(self.path, title, fault) from fault
-        self.channels = tuple(SourceChannel(name, length=len(column)) for name, column in self._columns.items())
+        self.channels = tuple(
+            SourceChannel(name, "s" if name in of_time else "", length=len(column))
+            for name, column in self._columns.items()
+        )
 
     def blocks(self, wanted: Sequence[Wanted]) -> Iterator[Block]:
         """The wanted columns, at most `ROWS` rows at a time.
@@ -104,8 +114,21 @@ def _of_mat(path: Path) -> dict[str, Column]:
     return found
 
 
-def _of_parquet(path: Path) -> dict[str, Column]:
-    """Columns of a Parquet file; what is missing in one of numbers is NaN."""
+def _of_parquet(path: Path) -> tuple[dict[str, Column], frozenset[str]]:
+    """Columns of a Parquet file, and which of them are times; what is missing in one of numbers is NaN.
+
+    A date with its time of day becomes seconds since the first one, a duration or a time of day its seconds.
+    """
     frame = pl.read_parquet(path)
+    of_time = frozenset(column.name for column in frame if column.dtype in (pl.Datetime, pl.Duration, pl.Time))
     frame = frame.with_columns(column.cast(pl.Float64) for column in frame if column.dtype.is_numeric())
-    return {name: frame[name].to_numpy() for name in frame.columns}
+    frame = frame.with_columns(_seconds(frame[name]) for name in of_time)
+    return {name: frame[name].to_numpy() for name in frame.columns}, of_time
+
+
+def _seconds(column: pl.Series) -> pl.Series:
+    """Times in seconds."""
+    if column.dtype == pl.Time:
+        return column.cast(pl.Int64).cast(pl.Float64) / NANOSECONDS
+    spans = column if column.dtype == pl.Duration else column - column.drop_nulls().first()
+    return spans.dt.total_nanoseconds().cast(pl.Float64) / NANOSECONDS

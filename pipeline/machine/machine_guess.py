@@ -7,96 +7,33 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.importers.guess.signal_kinds import (
-    SPELLED_TEMPERATURES,
-    is_set_point,
-    kinds_by_name,
-    side_of,
-    unit_by_name,
-    words_of,
-)
 from pmg.pipeline.importers.guess.signal_look import look_at
 from pmg.pipeline.importers.open_source import whole_channels
 from pmg.pipeline.importers.rows import WHOLE_RATE
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
-from pmg.pipeline.machine.channel import COMMANDS, TIMES
-from pmg.pipeline.wording.units import declared
+from pmg.pipeline.machine.channel import TIMES
+from pmg.pipeline.machine.channel_guess import (
+    ENDS,
+    KINDS,
+    ChannelGuess,
+    fits_axis,
+    guess_channel,
+    of_axis,
+    with_other_end,
+)
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from pmg.pipeline.importers.guess.signal_look import SeenSignal
     from pmg.pipeline.importers.source import ForeignSource
     from pmg.pipeline.machine.axis import Axis
     from pmg.sim.signals import Array
 
-ENDS = ("input", "output")
-"""Shafts of a machine with two."""
-END_WORDS = (
-    {
-        "input": "input drive in antrieb eingang motor sun sonne",
-        "output": "output load out abtrieb ausgang brake bremse ring hohlrad",
-    },
-    {"input": "1", "output": "2"},
-)
-"""Words of names that say which, the more certain ones first."""
-PUSH_WORDS = ("force", "kraft")
-"""Words of a force, beside those of a torque."""
-KINDS = {"angle": "position", "speed": "velocity", "torque": "force"}
-"""Kinds of channels of a shaft by those of signals; a force or a torque drives it."""
-LIKELY_RATES = 20.0, 2e5
-"""Rates between which a column without a unit is likely a time [Hz]."""
-AS_TEMPERATURE = {"K": "K"} | dict.fromkeys(("degC", "°C", "C"), "degC")
-"""Units of temperatures that a machine file knows, by how they are spelled; another one is left open."""
+PUSHES = (("force", False), ("current", False), ("force", True), ("current", True))
+"""What drives a shaft, the best first: its kind, and whether it was asked for and not measured."""
 SURE = 0.98
 """Correlation of two speeds from which on their ratio is that of a gear."""
-
-
-@dataclass(frozen=True)
-class ChannelGuess:
-    """A channel of a recording and what it may be.
-
-    Parameters
-    ----------
-    seen : SeenSignal
-        What it shows.
-    kind : str
-        ``position``, ``velocity``, ``force``, ``current``, ``temperature``, ``time``; empty where not known.
-    end : str
-        Shaft, one of `ENDS`; empty where no word tells it.
-    unit : str
-        Unit; empty where the user has to name it.
-    reason : str
-        Why it is taken for that, or for nothing.
-    """
-
-    seen: SeenSignal
-    kind: str
-    end: str
-    unit: str
-    reason: str
-
-    @property
-    def name(self) -> str:
-        """Name of the channel."""
-        return self.seen.channel.name
-
-    @property
-    def certain(self) -> bool:
-        """Whether it can be taken as it is."""
-        return bool(self.unit) and self.unit not in COMMANDS and not self.seen.constant
-
-    def document(self) -> dict[str, Any]:
-        """The same as JSON."""
-        return {
-            "source": self.name,
-            "kind": self.kind,
-            "shaft": self.end,
-            "unit": self.unit,
-            "reason": self.reason,
-            "seen": self.seen.document(),
-        }
 
 
 @dataclass(frozen=True)
@@ -169,87 +106,30 @@ def guess_machine(source: ForeignSource) -> MachineGuess:
 
     Notes
     -----
-    Two shafts are proposed where words of names tell of both. The ratio of a gear is the slope of one speed over the
-    other. Set-points are left aside, a current where a torque was measured. Where two channels fit, a unit is not
-    known, or a current or voltage lacks its factor, the line is left open.
+    Two shafts are proposed where words of names tell of both, or of one where each kind has two channels. The ratio of
+    a gear is the slope of one speed over the other. A current is left aside where a torque was measured, and a
+    set-point but for the command of a drive whose torque and current nobody measured. Where two channels fit, a unit
+    is not known, or a current or voltage lacks its factor, the line is left open.
     """
-    guessed = [_guess_channel(seen) for seen in look_at(source)]
+    guessed = with_other_end([guess_channel(seen) for seen in look_at(source)])
     units = [one.unit for one in guessed if one.kind in KINDS.values()]
-    axis = LINEAR if any(unit in _of_axis(LINEAR) for unit in units) else ROTARY
-    fitting = [one for one in guessed if one.kind in (*KINDS.values(), "current") and _fits(one, axis)]
-    two = {one.end for one in fitting} >= set(ENDS) and axis is ROTARY
+    axis = LINEAR if any(unit in of_axis(LINEAR) for unit in units) else ROTARY
+    fitting = [one for one in guessed if one.kind in (*KINDS.values(), "current") and fits_axis(one, axis)]
+    two = {one.end for one in fitting if not one.asked} >= set(ENDS) and axis is ROTARY
     found: dict[tuple[str, str], tuple[ChannelGuess, ...]] = {}
     for end in ENDS if two else ("shaft",):
         ours = [one for one in fitting if one.end == end or not two]
         for kind in KINDS.values():
-            of_kind = tuple(one for one in ours if one.kind == kind)
-            if kind == "force":
-                of_kind = of_kind or tuple(one for one in ours if one.kind == "current")
-            if of_kind:
+            drives = PUSHES if kind == "force" else ((kind, False),)
+            sets = (tuple(one for one in ours if (one.kind, one.asked) == each) for each in drives)
+            if of_kind := next(filter(None, sets), ()):
                 found[end, kind] = of_kind
     time = tuple(one for one in guessed if one.kind == "time" and one.seen.rising)
-    warm = tuple(one for one in guessed if one.kind == "temperature")
+    warm = tuple(one for one in guessed if one.kind == "temperature" and not one.asked)
     taken = {one.name for ones in (*found.values(), time, warm) for one in ones}
     left = tuple(one for one in guessed if one.name not in taken)
     guess = MachineGuess(source, axis, found, time, warm, _rate(source, time), None, False, left)
     return _with_shapes(guess) if two else guess
-
-
-def _guess_channel(seen: SeenSignal) -> ChannelGuess:
-    """What a channel may be: by its unit, else by the words of its name."""
-    channel = seen.channel
-    named, _ = kinds_by_name(channel.name)
-    words = set(words_of(channel.name))
-    end = side_of(channel.name, END_WORDS)
-    unit = declared(channel.unit) or unit_by_name(channel.name, (*_of_axis(LINEAR), *_of_axis(ROTARY)))
-    if seen.fault or seen.missing == seen.values:
-        return ChannelGuess(seen, "", end, unit, seen.fault or "no value")
-    of_shafts = tuple(kind for kind in named if kind in KINDS)
-    kind = _kind(unit, of_shafts if end and not unit and len(of_shafts) == 1 else named, words)
-    if is_set_point(channel.name) and kind != "time":
-        return ChannelGuess(seen, "", end, unit, "a set-point by its name, and not measured")
-    if not kind:
-        reason = f"the unit {unit} does not tell" if unit else "no unit"
-        return ChannelGuess(seen, "", end, unit, f"{reason}, and neither does its name")
-    reason = f"unit {unit}" if unit else "by its name alone"
-    unit = AS_TEMPERATURE.get(unit, "") if kind == "temperature" else unit
-    if kind == "time" and not unit:
-        reason = "by its name alone; the unit is the one that gives a likely rate"
-        return ChannelGuess(seen, kind, end, _likely_time(seen), reason)
-    return ChannelGuess(seen, kind, end, unit, reason + (f", {end} by its name" if end else ""))
-
-
-def _kind(unit: str, named: tuple[str, ...], words: set[str]) -> str:
-    """Kind of a channel; empty where neither unit nor name tells."""
-    if unit in TIMES:
-        return "time"
-    if unit in SPELLED_TEMPERATURES:
-        return "temperature"
-    if unit in COMMANDS:
-        return "force" if "torque" in named or words & set(PUSH_WORDS) else "current" if unit == "A" else ""
-    for axis in (ROTARY, LINEAR):
-        for kind, known in (("position", axis.positions), ("velocity", axis.speeds), ("force", axis.forces)):
-            if unit in known:
-                return kind
-    if unit or len(named) > 1:
-        return ""
-    if words & set(PUSH_WORDS):
-        return "force"
-    return KINDS.get(named[0], named[0]) if named and named[0] != "ticks" else ""
-
-
-def _of_axis(axis: Axis) -> tuple[str, ...]:
-    """Units that only an axis of this kind has."""
-    return tuple(unit for known in (axis.positions, axis.speeds, axis.forces) for unit in known if unit not in COMMANDS)
-
-
-def _fits(guess: ChannelGuess, axis: Axis) -> bool:
-    return not guess.unit or guess.unit in COMMANDS or guess.unit in _of_axis(axis)
-
-
-def _likely_time(seen: SeenSignal) -> str:
-    low, high = LIKELY_RATES
-    return next((u for u, one in TIMES.items() if seen.step > 0.0 and low <= 1.0 / (seen.step * one) <= high), "")
 
 
 def _rate(source: ForeignSource, time: Iterable[ChannelGuess]) -> float | None:

@@ -14,7 +14,8 @@ from pmg.pipeline.wording.safe_text import printable
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.machine.machine_guess import ChannelGuess, MachineGuess
+    from pmg.pipeline.machine.channel_guess import ChannelGuess
+    from pmg.pipeline.machine.machine_guess import MachineGuess
 
 THINNED_HZ = 50.0
 """Rate to which a proposed file thins the samples [Hz]."""
@@ -79,7 +80,8 @@ def _shaft(guess: MachineGuess, shaft: str) -> Iterator[str]:
         fitting = guess.channels.get((shaft, kind), ())
         word = axis.pushes if kind == "force" else kind
         if len(fitting) > 1:
-            yield f"# {word}: {len(fitting)} candidates, none chosen: take one"
+            gear = "" if not axis.turn or len(guess.shafts) > 1 else "; of two shafts, write both and a [gear]"
+            yield f"# {word}: {len(fitting)} candidates, none chosen: take one{gear}"
         for one in fitting:
             turned = ", sign = -1" if kind == "force" and guess.against and shaft == guess.shafts[-1] else ""
             if kind == "force" and not one.unit:
@@ -138,6 +140,11 @@ def _records(guess: MachineGuess) -> Iterator[str]:
         yield f"keep_every = {keep}"
     yield f'{OPEN}withheld = [""]  # files that take part in no fit, as "run_3.csv" or "run_3*"; or withheld_part = 0.3'
     yield f'{OPEN}zero = [""]  # files at rest with the drive off, as "rest*": their mean is the zero'
+    yield from (
+        "",
+        "[model]",
+        'baseline = ["inertia", "viscous", "coulomb"]  # terms of which no one doubts that they act',
+    )
 
 
 def for_other_records(text: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from pmg.pipeline.files.strict_tables import EACH_ONCE, Strict, one_of, refuse, refusing, within
 from pmg.pipeline.importers.csv_dialect import CsvForm
@@ -18,6 +18,15 @@ GEAR_KINDS = ("magnetic", "rigid", "none")
 """What lies between two shafts: poles that may slip, teeth or a belt, or a shaft that goes through."""
 
 Number = QuantityTable | None
+
+
+def _counted(given: object) -> object:
+    """A number by itself as one that counts."""
+    return {"value": given, "unit": "1"} if isinstance(given, int) and not isinstance(given, bool) else given
+
+
+Count = Annotated[Number, BeforeValidator(_counted)]
+"""A number that counts: ``4`` says the same as ``{ value = 4, unit = "1" }``."""
 
 
 class _TransducerTable(Strict):
@@ -149,9 +158,9 @@ class GearTable(Strict):
     output: str
     stage: Annotated[int, within(1, 2)] | None = None
     ratio: Number = None
-    pole_pairs_input: Number = None
-    pole_pairs_output: Number = None
-    iron_poles: Number = None
+    pole_pairs_input: Count = None
+    pole_pairs_output: Count = None
+    iron_poles: Count = None
     pull_out_torque_input: Number = None
     pull_out_torque_output: Number = None
     pull_out_torque_carrier: Number = None

@@ -18,7 +18,7 @@ input = "sun"
 output = "ring"
 pole_pairs_input = { value = 4, unit = "1" }
 pole_pairs_output = { value = 11, unit = "1" }
-iron_poles = { value = 15, unit = "1" }
+iron_poles = 15
 pull_out_torque_output = { value = 22, unit = "N m", u = 1.1 }
 
 [shaft.sun]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import tomllib
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import polars as pl
 import pytest
 from tests.balance import gearbox
 
@@ -13,6 +15,8 @@ from pmg.pipeline.commands.exchange import run_guess
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.importers.guess.map_text import OPEN
+from pmg.pipeline.importers.open_source import whole_channels
+from pmg.pipeline.importers.table_source import TableSource
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.sim.signals import REVOLUTION
 
@@ -113,6 +117,54 @@ def test_two_candidates_a_set_point_and_what_stands_still_are_not_chosen(tmp_pat
     assert '# "M_soll": a set-point by its name' in text
     assert "# but: it is constant" in text
     assert f"{OPEN}rate_Hz = " in text
+
+
+def test_a_command_is_taken_where_no_torque_and_no_current_was_measured(tmp_path: Path) -> None:
+    columns = {"t [s]": T, "n [rpm]": wave(1.0), "iq_ref [A]": wave(2.0), "n_soll [rpm]": wave(1.0)}
+    table, text = proposed(csv(tmp_path / "a.csv", columns))
+    assert table["shaft"]["shaft"]["channel"] == {"velocity": {"name": "n", "unit": "rpm"}}
+    assert f'\n{OPEN}torque = {{ name = "iq_ref", unit = "A", newton_metre_per_unit =  }}\n' in text
+    assert "# why: a set-point by its name, and not measured" in text
+    assert '# "n_soll": a set-point by its name, and not measured' in text
+    _, text = proposed(csv(tmp_path / "b.csv", columns | {"Strom [A]": wave(2.0)}))
+    assert f'\n{OPEN}torque = {{ name = "Strom", unit = "A"' in text
+    assert '# "iq_ref": a set-point by its name, and not measured' in text
+
+
+def test_where_each_kind_has_two_channels_one_named_shaft_tells_the_other(tmp_path: Path) -> None:
+    names = {"n_LM [rpm]": 5.0 * wave(0.5), "M_LM [Nm]": wave(1.0), "n_load [rpm]": wave(0.5), "M_load [Nm]": wave(1.0)}
+    table, text = proposed(csv(tmp_path / "a.csv", {"t [s]": T, **names}))
+    assert table["gear"]["ratio"]["value"] == pytest.approx(5.0)
+    assert table["shaft"]["input"]["channel"]["torque"]["name"] == "M_LM"
+    assert "# why: unit N m, input as the other one is of the output" in text
+    table, text = proposed(csv(tmp_path / "b.csv", {"t [s]": T, **names, "M_x [Nm]": wave(1.0)}))
+    assert set(table["shaft"]) == {"input", "output"}, "by the speeds"
+    assert "torque" not in table["shaft"]["input"]["channel"]
+    nobody = {name.replace("load", "QQ"): values for name, values in names.items()}
+    _, text = proposed(csv(tmp_path / "c.csv", {"t [s]": T, **nobody}))
+    assert "# torque: 2 candidates, none chosen: take one; of two shafts, write both and a [gear]" in text
+
+
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+def test_dates_with_a_time_of_day_are_the_time_of_a_table(tmp_path: Path, zone: str | None) -> None:
+    """Also where a column is of spans, or of times of day."""
+    began = datetime(2026, 3, 2, 13, 5, 7, 250000, tzinfo=UTC)
+    stamps = pl.Series([began + timedelta(seconds=float(t)) for t in T]).dt.replace_time_zone(zone)
+    frame = pl.DataFrame({"stamp": stamps, "pos_mm": wave(0.3), "force_N": wave(2.0)})
+    frame = frame.with_columns(span=pl.col("stamp") - pl.col("stamp").first(), clock=pl.col("stamp").dt.time())
+    frame.write_parquet(tmp_path / "a.parquet")
+    columns = whole_channels(TableSource(tmp_path / "a.parquet", "parquet"), ["stamp", "span", "clock"])
+    for values in columns.values():
+        np.testing.assert_allclose(values - values[0], T, atol=2e-6)
+    assert columns["stamp"][0] == columns["span"][0] == 0.0
+    frame.drop("span", "clock").write_parquet(tmp_path / "b.parquet")
+    table, _ = proposed(tmp_path / "b.parquet")
+    assert table["records"]["time"] == {"name": "stamp", "unit": "s"}
+    assert table["shaft"]["shaft"]["channel"] == {
+        "position": {"name": "pos_mm", "unit": "mm"},
+        "force": {"name": "force_N", "unit": "N"},
+    }
+    assert table["model"]["baseline"] == ["inertia", "viscous", "coulomb"]
 
 
 @pytest.mark.parametrize("name", ["temp [°F]", "temp_degF"])

@@ -67,7 +67,7 @@ def test_ends_may_be_named_the_other_way_round(tmp_path: Path) -> None:
 
 def test_numbers_that_do_not_agree_are_told(tmp_path: Path) -> None:
     changes = (
-        ("iron_poles = { value = 15", "iron_poles = { value = 14"),
+        ("iron_poles = 15", "iron_poles = 14"),
         ("pull_out_torque_output = ", 'pull_out_torque_input = { value = 7, unit = "N m" }\npull_out_torque_output = '),
     )
     told = " ".join(

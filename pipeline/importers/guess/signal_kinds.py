@@ -23,8 +23,8 @@ KIND_WORDS = {
     "speed": "speed drehzahl rpm omega velocity geschwindigkeit ω",
     "angle": "angle winkel phi theta position pos encoder count counts counter drehwinkel φ θ",
     "temperature": "temp temperature temperatur",
-    "current": "current strom amps",
-    "time": "time zeit timestamp clock elapsed uhrzeit seconds",
+    "current": "current strom amps iq",
+    "time": "time zeit timestamp clock elapsed uhrzeit seconds sec secs",
     "ticks": "tick ticks timer",
 }
 """Words that say what a signal is."""
@@ -39,6 +39,13 @@ SIDE_WORDS: tuple[Mapping[str, str], ...] = (
     {"sun": "1", "ring": "2"},
 )
 """Words that say which shaft, the more certain ones first."""
+LONE_UNITS = {
+    "s": f"{KIND_WORDS['time']} t",
+    "A": f"{KIND_WORDS['current']} i I iq id",
+    "N": "force kraft",
+    "V": "voltage spannung command",
+}
+"""Units of one letter at the end of a name, as in ``force_N``, and the words before them that make them units."""
 SET_WORDS = ["set", "setpoint", "soll", "sollwert", "cmd", "command", "ref", "reference", "demand", "target"]
 """Words of what was asked for and not measured."""
 
@@ -84,13 +91,15 @@ def kinds_by_name(name: str) -> tuple[tuple[str, ...], bool]:
 
 
 def unit_by_name(name: str, more: Iterable[str] = ()) -> str:
-    """Unit in brackets behind a name, or at its end, as in ``M_Nm``, where it has more than one letter; else empty."""
+    """Unit in brackets behind a name, or at its end, as in ``M_Nm``; else empty. One letter needs its `LONE_UNITS`."""
     _, plain, bracketed = _parts(name)
     known = {*TORQUE, *SPEED, *ANGLE, *ELECTRIC, *FREQUENCY, *TIME, *SPELLED_TEMPERATURES, *more}
     if declared(bracketed) in known:
         return declared(bracketed)
-    last = re.split(r"[\s_\-.]", plain)[-1]
-    return declared(last) if last != plain and len(last) > 1 and declared(last) in known else ""
+    *before, last = re.split(r"[\s_\-.]", plain)
+    if len(last) == 1 and not set(words_of(" ".join(before))) & set(LONE_UNITS.get(last, "").split()):
+        return ""
+    return declared(last) if before and declared(last) in known else ""
 
 
 def kind_by_unit(unit: str, named: tuple[str, ...]) -> str:
