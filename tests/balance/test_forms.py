@@ -5,6 +5,7 @@ What is concealed has other forms than the library, or comes from an integration
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.linalg import expm
 from tests.balance.slide import RATE, Moving, plain
 from tests.balance.test_balance import diagnosed, named, value
 
+from pmg.pipeline.diagnosis.balance.causes import named_causes
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import EXCEEDED, Motion
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
@@ -108,10 +110,19 @@ def test_a_load_behind_a_gap_is_backlash(tmp_path: Path) -> None:
 
 
 def test_a_drive_at_its_limit_is_found(tmp_path: Path) -> None:
-    found = diagnosed(tmp_path, wound_up, terms=DRY)
+    limits: list[float] = []
+
+    def limited(m: Moving) -> Array:
+        limits.append(0.75 * float(np.abs(dry(m)).max()))
+        return wound_up(m)
+
+    found = diagnosed(tmp_path, limited, terms=DRY)
     assert (found.verdict, named(found)) == (Verdict.NAMED, {"drive_limit"})
     got, _ = value(found, "drive_limit")
     assert got == pytest.approx(1.0 - 1.0 / 15.0, abs=0.05)
+    (cause,) = named_causes(found)
+    (limit,) = re.findall(r"^the limit is ([\d.]+) N$", cause.remark)
+    assert float(limit) == pytest.approx(limits[0], rel=0.03)
 
 
 @pytest.mark.parametrize("hertz", [3.0, 30.0])

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.balance.free_run import LIMIT
+from pmg.pipeline.diagnosis.balance.library.term import EXCEEDED
 from pmg.pipeline.diagnosis.balance.titles import separating_test, titled
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
@@ -124,7 +126,7 @@ def _cause(diagnosis: TermsDiagnosis, fit: TermFit, group: int, shared: frozense
 def _remark(diagnosis: TermsDiagnosis, fit: TermFit, gain: float) -> str:
     """What a size means; empty where there is nothing to add."""
     factor = _factor(fit.identifier, gain, diagnosis.case.axis.factor)
-    return factor or _beyond_known(diagnosis, fit) or _once_a_turn(diagnosis, fit)
+    return factor or _beyond_known(diagnosis, fit) or _once_a_turn(diagnosis, fit) or _limit(diagnosis, fit)
 
 
 def _beyond_known(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
@@ -143,6 +145,14 @@ def _once_a_turn(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
     if fit.identifier != "position_ripple" or not turn or abs(fit.shape / turn - 1.0) > NEAR_FACTOR:
         return ""
     return "once a turn of this shaft, as the weight of an arm or an unbalance makes it"
+
+
+def _limit(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
+    """At what command a drive stops to follow; empty of another cause."""
+    if fit.identifier != LIMIT:
+        return ""
+    limit = fit.shape * diagnosis.recorded.motion.references[EXCEEDED]
+    return f"the limit is {limit:.4g} {diagnosis.case.axis.push}"
 
 
 def size_of(name: str, value: float, error: float | None, unit: str) -> str:

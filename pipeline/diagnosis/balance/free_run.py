@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.machine.axis import Axis
     from pmg.sim.signals import Array
 
+MANY = 1e4
+"""Small units of a position from which on a stroke is told in the plain one."""
+
 DELAY, FADE, LIMIT = "delay", "drive_fade", "drive_limit"
 """Terms that change what force acts when, instead of adding one."""
 
@@ -68,8 +71,11 @@ class FreeRun:
         return ("speed", "range") if self.of_speed else ("position", "stroke")
 
     def shown(self, axis: Axis) -> tuple[str, float]:
-        """Unit in which it is shown, and what one is in SI."""
-        return axis.shown_speed if self.of_speed else axis.shown
+        """Unit in which it is shown, and what one is in SI: a small one, where the span is not many of it."""
+        if self.of_speed:
+            return axis.shown_speed
+        unit, small = axis.shown
+        return (unit, small) if self.span < MANY * small else (axis.length, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
