@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 from tests.balance import wheel
 from tests.balance.reading import read_one
 from tests.balance.test_any_machine import diagnosed, dry, named
+from tests.slow import slow
 
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.catalogue import IN_THE_MAIN
+from pmg.pipeline.diagnosis.balance.causes import named_causes
 from pmg.pipeline.diagnosis.balance.document import headline
 from pmg.pipeline.diagnosis.balance.library.drive import ROTARY_DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import HOW_MANY, LAG, OF_NONE, RECORDING, TURNED_BEFORE, Motion
@@ -140,6 +142,26 @@ def test_a_wave_is_named_where_only_speed_was_recorded(tmp_path: Path) -> None:
     assert found.verdict.names
     assert named(found) == {"position_ripple"}
     assert found.steps[-1].fitted.estimates[-1].value == pytest.approx(2.0 * np.pi / 5.0, rel=0.01)
+
+
+@pytest.mark.parametrize("weight", [0.08, pytest.param(0.3, marks=slow)])
+def test_two_waves_over_the_angle_are_told_each_with_its_period(tmp_path: Path, weight: float) -> None:
+    """The weight of an arm, and cogging in a form of its own, which beside a heavy arm refines."""
+
+    def hanging(m: Turning) -> Array:
+        return (
+            dry(m) + weight * np.sin(m.angle + 0.4) + 0.05 * np.sin(5.0 * m.angle) / (1.2 + np.cos(5.0 * m.angle) / 4)
+        )
+
+    channels = f"{wheel.ANGLE}\n{wheel.TORQUE}"
+    found = diagnosed(wheel.make_case(tmp_path, hanging, channels=channels, terms=CLEAN))
+    assert found.verdict.names
+    (second, *_) = (step for step in (*found.steps, *found.refinements) if step.added == "second_ripple")
+    assert named(found) == {"position_ripple", "second_ripple"} or second in found.refinements
+    periods = {e.term: e.value for e in second.fitted.estimates if e.name == "p"}
+    assert periods["position_ripple"] == pytest.approx(2.0 * np.pi, rel=0.01)
+    assert periods["second_ripple"] == pytest.approx(2.0 * np.pi / 5.0, rel=0.01)
+    assert "once a turn" in named_causes(found)[0].remark
 
 
 # --- a form that is a little off ---------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
+from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
 from pmg.pipeline.diagnosis.balance.library.elastic import LIKE_PLAY
 from pmg.pipeline.diagnosis.balance.low_passes import FACTORS
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
@@ -45,6 +46,7 @@ def sure_part(
     asked = _asked(case, low_passes, s.mismatch.false_alarm_rate)
     named = s.found.best.ids
     ids = named.intersection(in_every_part, *(rival.ids for rival in s.found.rivals), *asked)
+    ids = ids if RIPPLE in ids else ids - {SECOND_RIPPLE}
     if not ids or ids == named:
         return None
     found = name_part(s.problem, TermCatalogue(), s.found, ids, adequacy_test(s.evidence))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem, fit_term
+from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
 from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
 from pmg.pipeline.diagnosis.engine.explanation import Explanation
 from pmg.pipeline.diagnosis.engine.found_set import Naming
@@ -59,8 +60,9 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
         return term.shape is not None and not term.one_of and (self.refine or term.whole)
 
     def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
-        """All terms but some fitted, best score first."""
-        terms = [table.term for table in problem.tables.values() if table.term.identifier not in without]
+        """All terms but some fitted, best score first; a second wave where the first is among those."""
+        none_twice = {*without} if RIPPLE in without else {*without, SECOND_RIPPLE}
+        terms = [table.term for table in problem.tables.values() if table.term.identifier not in none_twice]
         fits = sorted((fit_term(problem, term, refine=False) for term in terms), key=lambda fit: -problem.score(fit))
         for place, fit in enumerate(fits):
             ahead = place <= FIRST_OF_PAIRS or (fit.candidate.whole and fit.gain > NEARLY * fits[0].gain)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.free_run import LIMIT
+from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
 from pmg.pipeline.diagnosis.balance.library.term import EXCEEDED
 from pmg.pipeline.diagnosis.balance.titles import separating_test, titled
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
@@ -142,7 +143,7 @@ def _beyond_known(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
 def _once_a_turn(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
     """What a torque that comes once a turn is likely to be; empty of another one."""
     turn = diagnosis.case.axis.turn
-    if fit.identifier != "position_ripple" or not turn or abs(fit.shape / turn - 1.0) > NEAR_FACTOR:
+    if fit.identifier not in (RIPPLE, SECOND_RIPPLE) or not turn or abs(fit.shape / turn - 1.0) > NEAR_FACTOR:
         return ""
     return "once a turn of this shaft, as the weight of an arm or an unbalance makes it"
 

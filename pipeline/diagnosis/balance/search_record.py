@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
 from pmg.pipeline.diagnosis.balance.estimate import design_of, for_search
 from pmg.pipeline.diagnosis.balance.fitting import tabulate, term_problem
+from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
 from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, record_evidence
@@ -67,7 +68,7 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
     for term in case.library:
         if coasts and (term.needs_drive or term.of_model):
             continue
-        if one_way and term.both_ways:
+        if (one_way and term.both_ways) or term.identifier == SECOND_RIPPLE:
             continue
         if term.identifier == GAIN and not _shows_gain(case):
             continue
@@ -84,6 +85,16 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
         elif term.identifier not in case.baseline:
             terms.append(term)
     return tuple(terms)
+
+
+def _with_second(problem: TermProblem, case: Case) -> TermProblem:
+    """The problem with a second wave over position, whose columns are those of the first."""
+    first = problem.tables.get(RIPPLE)
+    second = next((term for term in case.library if term.identifier == SECOND_RIPPLE), None)
+    if first is None or second is None:
+        return problem
+    second = replace(second, amplitudes=first.term.amplitudes)
+    return replace(problem, tables={**problem.tables, second.key: replace(first, term=second)})
 
 
 @dataclass(frozen=True)
@@ -124,7 +135,7 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
             recorded, _ = for_search(given, free, named)
         noise = noise_of(recorded.force, structured, recorded.breaks[1:], recorded.own_noise)
         null = noise.whitened_draws(DRAWS, rng)
-        problem = term_problem(recorded, tables, noise.noise, plain)
+        problem = _with_second(term_problem(recorded, tables, noise.noise, plain), case)
         evidence = record_evidence(noise, problem, looked, null)
         mismatch = find_mismatch(evidence, looked)
         if not mismatch.found:
@@ -132,7 +143,7 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
             break
         if turn == 0:
             tables = tabulate(recorded, searched)
-            problem = term_problem(recorded, tables, noise.noise, plain)
+            problem = _with_second(term_problem(recorded, tables, noise.noise, plain), case)
         found = name_candidates(problem, TermCatalogue(), adequacy_test(evidence))
         before, named = {fit.identifier for fit in named}, found.best.fits
         if found.best.ids == before:

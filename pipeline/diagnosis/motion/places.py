@@ -16,6 +16,7 @@ OF_CONSTANTS = {
     "compliance": "compliance of the {side} coupling",
     "skew": "time between torque and angle of the {side} shaft",
     "zero": "zero of the {side} transducer",
+    "pull_out": "pull-out torque",
     "drag": "loss curve of the {side} rotor",
     "ripple": "ripple of a turn of the {side} shaft",
     "eccentricity": "eccentricity of the {side} encoder",

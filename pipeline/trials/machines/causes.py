@@ -89,7 +89,7 @@ CAUSES = (
     MadeCause("output_delay", TWO_TORQUES, (("output_torque_lag",),), start=0.01, most=0.2),
     MadeCause("input_delay", TWO_TORQUES, (("input_torque_lag",),), start=0.01, most=0.2),
     MadeCause("warming", BOTH_WAYS, (("warming",),), start=0.2),
-    MadeCause("ripple", EVERY, (("position_ripple",),)),
+    MadeCause("ripple", EVERY, (("position_ripple",), ("position_ripple", "second_ripple"))),
     MadeCause("tiring_drive", COMMANDED, (("drive_fade",),), start=0.1, most=0.6),
     MadeCause("drive_limit", COMMANDED, (("drive_limit",),), start=0.3, most=0.8),
     MadeCause("two_masses", BOTH_WAYS, (("two_masses",),), start=0.3, most=0.8),

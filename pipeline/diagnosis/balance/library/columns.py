@@ -11,6 +11,10 @@ from pmg.pipeline.diagnosis.balance.library.term import DURATION, HOW_MANY, RECO
 if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
+RIPPLE, SECOND_RIPPLE = "position_ripple", "second_ripple"
+"""Terms of a wave over position, and of one more with a period of its own, as of cogging beside the weight of an arm:
+it is looked for once the first is found, and has the same columns."""
+
 SETTLES = Quantity("s", "1", (0.05, 1.0))
 """Settling time of what changes during a record, over the length T of the longest one; a slower change can hardly be
 distinguished from a steady one."""

@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.library.columns import SETTLES, amount, part, settling, stack, waves_of
+from pmg.pipeline.diagnosis.balance.library.columns import (
+    RIPPLE,
+    SECOND_RIPPLE,
+    SETTLES,
+    amount,
+    part,
+    settling,
+    stack,
+    waves_of,
+)
 from pmg.pipeline.diagnosis.balance.library.drive_faults import chain_terms, drift, drive_faults
 from pmg.pipeline.diagnosis.balance.library.elastic import elastic_terms
 from pmg.pipeline.diagnosis.balance.library.term import DURATION, MIDDLE, Motion, Quantity, Term
@@ -206,18 +215,21 @@ def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
 def _placed_terms(axis: Axis) -> Iterator[Term[Motion]]:
     """What changes with position."""
     period = Quantity("p", axis.length, axis.periods, 3.0)
-    yield Term(
-        "position_ripple",
-        f"{axis.pushes.capitalize()} periodic in position (cogging, screw pitch, unbalance)",
-        "A sin(2 pi q/p) + B cos(2 pi q/p)",
-        _ripple(axis),
-        _periodic,
-        BALANCE,
-        shape=period,
-        separating_test=POSITION_TEST,
-        even_grid=True,
-        of_angle=True,
-    )
+    pushes = axis.pushes.capitalize()
+    titles = {RIPPLE: pushes, SECOND_RIPPLE: f"{pushes} of a second period,"}
+    for identifier, what in titles.items():
+        yield Term(
+            identifier,
+            f"{what} periodic in position (cogging, screw pitch, unbalance)",
+            "A sin(2 pi q/p) + B cos(2 pi q/p)",
+            _ripple(axis),
+            _periodic,
+            BALANCE,
+            shape=period,
+            separating_test=POSITION_TEST,
+            even_grid=True,
+            of_angle=True,
+        )
     yield Term(
         "friction_ripple",
         "Friction periodic in position",
