@@ -60,8 +60,11 @@ def test_parts_without_readings_are_no_choices(bench: BenchParameters) -> None:
     rows = replace(dealt, fold=np.where(dealt.fold < 3, dealt.fold, dealt.folds))
     (gain,) = (c for c in candidates() if (c.identifier, c.shaft) == ("torque_gain_error", "sun"))
     held = withhold(rows, MECHANISMS, (fit_candidate(problem, gain),), rng)
+    assert held is not None
     assert "in 3 parts" in held.split
     assert "in 3 of 3" in held.split
+    one_block = replace(rows, block=np.zeros_like(rows.block))
+    assert withhold(one_block, MECHANISMS, (fit_candidate(problem, gain),), rng) is None
     named = tuple(fit_candidate(problem, c) for c in candidates() if c.shaft == "sun")[:2]
     chosen = tuple(replace(fit, values=1.1 * fit.values) for fit in named[::-1])
     assert rows.beside_each_other(chosen, named) is named

@@ -22,7 +22,6 @@ from pmg.pipeline.diagnosis.engine.held_out import (
 )
 from pmg.pipeline.diagnosis.engine.problem import F, P
 from pmg.pipeline.fit.span import lengths
-from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -42,6 +41,9 @@ asked to reach beyond its data."""
 
 UNSEEN_PART = 1e-4
 """Part of a row along directions that training rows do not show, from which on it cannot be predicted."""
+
+FEWEST_BLOCKS = 2
+"""Blocks in which an effect must act for one to be withheld."""
 
 LOST = 0.1
 """Part of the rows that may be beyond the reach of what the other folds name; where more are, all count."""
@@ -128,8 +130,10 @@ def withhold(
     placebo_rng: np.random.Generator | None = None,
     *,
     bent: bool = False,
-) -> HeldOut:
+) -> HeldOut | None:
     """Errors on withheld blocks, with the baseline alone and with what the rest of the rows would name.
+
+    None where what is named acts in fewer than two blocks that the rest of the rows determines.
 
     Parameters
     ----------
@@ -170,9 +174,8 @@ def withhold(
     reached, of = touched & (reach_after <= FARTHEST), int(touched.sum())
     touched = reached if reached.sum() >= (1.0 - LOST) * of else touched
     blocks = touched_blocks(rows.block, touched)
-    if len(blocks) < 2:
-        where, came = "held-out proof", f"{len(blocks)} blocks of readings"
-        raise FitError(where, came, "two or more", "Measure more speeds, or record when each point was run.")
+    if len(blocks) < FEWEST_BLOCKS:
+        return None
     named = {fit.identifier for fit in fits}
     kept, tries = sum(fit.identifier in named for found in sets for fit in found), len(sets) * len(fits)
     split = _split(rows, len(sets), f"{kept} of {tries}", of - int(touched.sum()), of)

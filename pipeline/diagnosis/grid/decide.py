@@ -31,7 +31,6 @@ from pmg.pipeline.fit.calibration import jacobian, start_model
 from pmg.pipeline.fit.span import lengths
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import predict, take_readings
-from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -158,10 +157,7 @@ def _with_its_laws(problem: GridProblem, naming: GridNaming, floor: NoiseFloor, 
 
 def _withheld(problem: GridProblem, explanation: GridExplanation, rng: np.random.Generator) -> HeldOut | None:
     """The proof on withheld readings; None where the effect touches too few blocks for one: it is not named then."""
-    try:
-        return withhold(withheld_readings(problem), MECHANISMS, explanation.fits, rng, bent=explanation.bent > 0.0)
-    except FitError:
-        return None
+    return withhold(withheld_readings(problem), MECHANISMS, explanation.fits, rng, bent=explanation.bent > 0.0)
 
 
 def _against(rival: GridExplanation, best: GridExplanation, rivals: tuple[GridExplanation, ...]) -> GridExplanation:
