@@ -145,9 +145,7 @@ def _next(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], tr
         confirm = "Not needed; to confirm the cause, record a further run and compare it with `model.toml`."
         return f"{confirm}{_expected(clearest)}"
     again = "" if clearest is None else f" {clearest[0].stretch.run.run.point}, in which most torque is missing,"
-    return (
-        f"Record the run{again} again: what shows again is of the bench or its model, what does not changes with time."
-    )
+    return f"Record the run{again} again: what shows again is of bench or model, the rest changes with time."
 
 
 def _expected(clearest: tuple[TorqueTrace, float] | None) -> str:
@@ -161,7 +159,7 @@ def _expected(clearest: tuple[TorqueTrace, float] | None) -> str:
     of = trace.stretch.run.run
     size = f"its {trace.stretch.side} torque was off by {without:.1f} mN m rms, with the cause by {with_it:.1f} mN m"
     like = f"{of.point} ({of.manoeuvre}, {of.configuration}{f', {of.drive} drives' * trace.stretch.coupled})"
-    return f" Best is one like {like}: {size}. It should fall as much again."
+    return f" Best is one like {like}: {size}. Expect the same fall."
 
 
 def _difference(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> Iterator[str]:

@@ -123,7 +123,7 @@ def drive_faults(axis: Axis) -> Iterator[Term[Motion]]:
     )
     yield Term(
         "drive_limit",
-        f"Drive whose {axis.pushes} stays behind a command beyond its limit",
+        f"Limit of the drive (its {axis.pushes} saturates below the command)",
         "c (F - clip(F, -L, L)), L = l F75",
         (Quantity("c", "1", LOST),),
         _beyond_limit,

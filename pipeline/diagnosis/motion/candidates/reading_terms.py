@@ -183,7 +183,7 @@ def delay_terms(side: str) -> Iterator[MotionTerm]:
 
     yield term(
         "channel_delay",
-        "Torque that is renewed, or averaged, only now and then: held over twice the delay",
+        "Torque channel that is renewed, or averaged, over twice its delay (sample and hold)",
         "T(t) - (T - d2/6 d2T/dt2)(t + d)",
         WHOLE,
         lambda v, delay: stack(_unheld(v, delay)),
@@ -202,7 +202,7 @@ def zero_terms(side: str) -> Iterator[MotionTerm]:
     transducer = Component(f"{side}_torque_transducer")
     yield term(
         "torque_zero_offset",
-        "Zero of the transducer that is off",
+        "Zero error of the transducer",
         "T0",
         signed("offset", unit="N m"),
         lambda v, _: stack(np.ones_like(v.speed)),

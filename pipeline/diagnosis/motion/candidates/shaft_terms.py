@@ -199,7 +199,7 @@ def wave_terms(side: str) -> Iterator[MotionTerm]:
 
     yield term(
         "shaft_unbalance",
-        "Unbalance of the shaft, larger as it bends with speed",
+        "Unbalance that grows as the shaft bends with speed",
         "(m g e + k w2) sin(theta + theta0)",
         signed("cosine", "sine", "bent_cosine", "bent_sine", unit="N m", most=1.0),
         lambda v, _: stack(*(w(v.shaft.angle) * (v.speed / SPEED_UNIT) ** n for n in (0, 2) for w in (np.cos, np.sin))),

@@ -64,7 +64,7 @@ class NextRun:
     @property
     def words(self) -> str:
         """What to do, how long it takes, with what power."""
-        return f"{uncapitalised(self.title)} ({self.minutes:.0f} min, power {self.power:.0%})"
+        return f"{uncapitalised(self.title)} ({self.minutes:.0f} min; it would tell in {self.power:.0%} of cases)"
 
 
 def runs_to_see(found: MotionEvidence, blind: tuple[Unseen, ...], slow_noise: SlowNoise) -> tuple[NextRun, ...]:
