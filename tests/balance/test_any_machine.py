@@ -355,8 +355,10 @@ def test_a_refinement_that_hurts_the_withheld_record_or_makes_a_value_impossible
         return slide.plain(m) + 15.0 * np.sign(m.v) + 8.0 * np.sign(m.v) * np.exp(-np.abs(m.v) / 0.02) + ripple
 
     def worse(*given: object) -> ModelStep:
+        """With certainty by the rows that tell; or by much in all rows, few of which tell."""
         step = plain_step(*given)  # type: ignore[arg-type]
-        return replace(step, carried=(-2.0, -1.0))
+        by_much = step.added == kept.refinements[0].added
+        return replace(step, error_withheld=9.0) if by_much else replace(step, carried=(-2.0, -1.0))
 
     plain_step = contest._model_step
     path = slide.make_case(tmp_path, force, 3)

@@ -37,6 +37,9 @@ ALIKE = 0.9
 TRIED = 3
 """Leading terms of a round that are tried as refinement."""
 
+MUCH_WORSE = 1.1
+"""Error on the withheld record with a term, over that without, from which on it is much worse."""
+
 
 @dataclass(frozen=True)
 class ModelStep:
@@ -164,8 +167,8 @@ def refine(
 ) -> tuple[tuple[ModelStep, ...], tuple[ModelStep, ...]]:
     """Further terms, one after the other: more than any decoy, a good part of the rest, better on withheld blocks.
 
-    Then those that would have been, and make the error on the withheld record larger with certainty, or values of the
-    named model impossible: they are dropped. `before` is the model of the best set.
+    Then those that would have been, and make the error on the withheld record larger, with certainty or by a tenth, or
+    values of the named model impossible: they are dropped. `before` is the model of the best set.
     """
     current, refined, dropped = best, list[ModelStep](), dict[str, ModelStep]()
     while len(refined) < MOST_REFINED:
@@ -180,7 +183,7 @@ def refine(
             step = _model_step(data, (*current.fits, fit), before, rng)
             if step.held is None or step.held.gain_interval[0] <= 0.0:
                 continue
-            if step.carried[1] < 0.0 or impossible_in(step.fitted):
+            if step.carried[1] < 0.0 or _hurts(data, before, step) or impossible_in(step.fitted):
                 dropped[step.added] = step
             else:
                 dropped.pop(step.added, None)
@@ -190,6 +193,13 @@ def refine(
         else:
             break
     return tuple(refined), tuple(dropped.values())
+
+
+def _hurts(data: BalanceData, before: FittedTerms, step: ModelStep) -> bool:
+    """Whether a step makes the error on the withheld record larger by a tenth, rows that count little among them."""
+    if data.withheld is None or math.isnan(step.carried[1]):
+        return False
+    return step.error_withheld > MUCH_WORSE * before.relative_error(data.withheld)
 
 
 def settled(problem: TermProblem, fits: tuple[TermFit, ...]) -> TermProblem:

@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.borne_out import HeldBack, held_back, sure_part
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, Twins, find_twins
 from pmg.pipeline.diagnosis.balance.contest import (
+    MUCH_WORSE,
     BalanceData,
     Contest,
     ModelStep,
@@ -48,10 +49,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.decoys import Decoys
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
-
-
-MUCH_WORSE = 1.1
-"""Error on the withheld record with a cause, over that without, from which on the cause is not named."""
 
 
 @dataclass(frozen=True, kw_only=True)
