@@ -164,7 +164,10 @@ def test_a_cause_that_makes_the_withheld_error_larger_is_not_named(tmp_path: Pat
         "Named: Coulomb" if named else "Nothing is named: Coulomb friction would explain it, but the error on the with"
     )
     assert headline(found).startswith(head)
-    (cause,) = (each for each in machine_sheet(found, goes_on=False).answers if each.question in ("Cause", "Its size"))
+    sheet = machine_sheet(found, goes_on=False)
+    (cause,) = (each for each in sheet.answers if each.question in ("Cause", "Its size"))
+    marks = {part.name: part.mark for part in sheet.parts}
+    assert marks == {"drive": "", "friction and load": "cause" if named else "possible", "position": ""}
     assert ("Not named: Coulomb friction" in cause.sentences[0]) is not named
 
 

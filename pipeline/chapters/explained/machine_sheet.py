@@ -42,6 +42,9 @@ TITLES = {
 }
 """Verdict in the words of the other sheets."""
 
+MOST_OF_IT = 0.5
+"""Part of a mismatch that the closest term explains from which on the part that it sits in is marked as possible."""
+
 WITH = {"named": "with the cause", "tried": "with the terms tried"}
 """The last model in a legend, by what is said of its terms."""
 
@@ -57,6 +60,7 @@ def machine_sheet(diagnosis: TermsDiagnosis, *, goes_on: bool) -> ActionSheet:
 def _parts(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> tuple[MachinePart, ...]:
     two = d.case.ratio is not None
     sure, possible = ({part_of(c.identifier, two_torques=two) for c in causes if c.sure is so} for so in (True, False))
+    possible |= {part_of(near.identifier, two_torques=two) for near in near_causes(d)[:1] if near.share > MOST_OF_IT}
 
     def mark(part: str) -> Literal["cause", "possible", ""]:
         return "cause" if part in sure else "possible" if part in possible else ""
