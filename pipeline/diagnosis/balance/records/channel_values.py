@@ -159,7 +159,7 @@ def _check_units(source: ForeignSource, channels: Mapping[str, tuple[Channel, fl
         if not declared or declared == _spelled(channel.unit):
             continue
         if declared in KNOWN_UNITS:
-            do = "Correct the unit in the case, or the file."
+            do = "Correct the unit where the channel is named, or the recording."
             raise RecordingError(where, f"the unit {declared}", channel.unit, do)
         if declared in OTHER_UNITS:
             do = "Convert the channel, or declare it right in the file."

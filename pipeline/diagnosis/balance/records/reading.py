@@ -146,7 +146,9 @@ def _together(read: Sequence[_Read], case: Case, of: Recorded | None = None) -> 
     if (left := len(found.force) * case.prepare.keep_every) < fewest:
         came = f"{left} samples once the ends that filters spoil, and where it stands, are left out"
         names = ", ".join(one.name for one in read)
-        raise RecordingError(names, came, f"{fewest} or more", "Record longer, or thin less.")
+        kept = case.prepare.keep_every
+        expected = f"{fewest} or more: {fewest // kept} of which one in {kept} is kept (keep_every)"
+        raise RecordingError(names, came, expected, "Record longer, or lower keep_every.")
     smoother = Smoother(case.prepare, motion.sample_time)
     found = with_row_noise(found, inertia_of(case, found.baseline), smoother)
     return with_lags(found, case) if of is None else found
