@@ -24,7 +24,7 @@ from pmg.pipeline.diagnosis.engine.adequacy import Remainder
 from pmg.pipeline.diagnosis.engine.problem import bounded_sizes
 from pmg.pipeline.diagnosis.motion import naming
 from pmg.pipeline.diagnosis.motion.candidates.library import library
-from pmg.pipeline.diagnosis.motion.candidates.reading_terms import _lagging
+from pmg.pipeline.diagnosis.motion.candidates.reading_terms import HELD, _lagging
 from pmg.pipeline.diagnosis.motion.catalogue import (
     MotionCatalogue,
     other_lateness,
@@ -83,10 +83,12 @@ def test_a_set_holds_one_that_makes_a_torque_late() -> None:
 
 
 @pytest.mark.parametrize("order", ["first order", "second order"])
-@pytest.mark.parametrize(("plain", "alike"), [(0.4, False), (0.15, True)])
-def test_a_short_lag_is_a_rival_of_a_delay_where_a_plain_lag_is_one(order: str, plain: float, alike: bool) -> None:
+@pytest.mark.parametrize(("form", "plain", "alike"), [("", 0.4, False), ("", 0.15, True), (HELD, 0.4, True)])
+def test_a_short_lag_is_a_rival_of_a_delay_where_a_plain_lag_is_one_and_of_one_that_is_held(
+    order: str, form: str, plain: float, alike: bool
+) -> None:
     """The laws stand in one plane, the short lag at 0.1 rad from the delay that made the rows, the plain one beyond."""
-    angles = {"channel_delay/sun/": 0.0, "transducer_bandwidth/sun/second order, short": 0.1}
+    angles = {f"channel_delay/sun/{form}": 0.0, "transducer_bandwidth/sun/second order, short": 0.1}
     angles[f"transducer_bandwidth/sun/{order}"] = plain
     problem = _in_a_plane(angles)
     best, short = (TermSet((fit := fit_term(problem, TERMS[key]),), problem.take_out(fit)) for key in list(angles)[:2])

@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.catalogue import IN_THE_MAIN, TermCatalogue, TermNaming, TermSet
 from pmg.pipeline.diagnosis.balance.fitting import fit_term
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
+from pmg.pipeline.diagnosis.motion.candidates.reading_terms import HELD
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 
 if TYPE_CHECKING:
@@ -97,15 +98,17 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
     Notes
     -----
     The expansion of a short lag comes as near to a delay as to the lag; it is a rival of a delay where a lag is, of
-    first or second order.
+    first or second order, and of a torque that is held, which is smoothed as by a lag.
     """
     best = naming.best
     late = [place for place, fit in enumerate(best.fits) if cast("MotionTerm", fit.candidate).comes_late]
     if not naming.may_be_named or not late:
         return naming
-    found, alike = {rival.ids: rival for rival in naming.rivals if not _between(rival, best)}, 0.0
+    blurred = [cast("MotionTerm", best.fits[place].candidate).variant == HELD for place in late]
+    kept = (rival for rival in naming.rivals if any(blurred) or not _between(rival, best))
+    found, alike = {rival.ids: rival for rival in kept}, 0.0
     laws = [cast("MotionTerm", table.term) for table in problem.tables.values()]
-    for place in late:
+    for place, blurs in zip(late, blurred, strict=True):
         fit, rest = best.fits[place], _without(best, place, problem)
         named = fit_term(rest.problem, fit.candidate)
         for law in sorted(laws, key=lambda law: law.between):
@@ -113,7 +116,7 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
                 continue
             other = fit_term(rest.problem, law)
             rival = rest.plus(other)
-            if not other.admissible or (law.between and rival.ids not in found):
+            if not other.admissible or (law.between and not blurs and rival.ids not in found):
                 continue
             as_much = other.gain > (1.0 - LATE_ALIKE) * named.gain
             near = as_much or rival.score > best.score - MARGIN

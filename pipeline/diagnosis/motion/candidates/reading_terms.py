@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
+HELD = "held"
+"""Form of a delay: a torque that is renewed, or averaged, now and then."""
+
 HELD_AT_MOST = 20e-3
 """Longest delay of a torque that is held [s]. From 12 ms on, the series of its law is off by a tenth and more at 20 Hz;
 from 18 ms on, its steps reach into the band of the rows."""
@@ -193,7 +196,7 @@ def delay_terms(side: str) -> Iterator[MotionTerm]:
         shape=Quantity("delay", "s", (1e-3, HELD_AT_MOST)),
         component=transducer,
         shaft=side,
-        variant="held",
+        variant=HELD,
     )
 
 
