@@ -168,8 +168,8 @@ STATISTICS = (
     mutant(
         "a search that cannot be beaten by chance",
         "look_elsewhere",
-        "(1.0 + float(np.sum(smallest <= p_value)))",
-        "float(np.sum(smallest <= p_value))",
+        "(1.0 + float(np.sum(smallest <= observed)))",
+        "float(np.sum(smallest <= observed))",
         ESTIMATORS,
     ),
     mutant("news of a chain not brought to size", "Chain.whiten", " / np.sqrt(1.0 - keep**2)", "", ESTIMATORS),
