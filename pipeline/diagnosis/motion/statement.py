@@ -108,8 +108,12 @@ def _in_torque(diagnosis: MotionDiagnosis) -> float:
 
 
 def _place(diagnosis: MotionDiagnosis) -> str:
+    """That something differs, and where; beside a named cause, no constant that took up a part of it."""
     differ = f"Model and recordings differ (p ≤ {diagnosis.mismatch.p_value:.2g})."
-    return f"{differ} Most of it: {where}" if (where := largest_place(diagnosis)) else differ
+    if not (where := largest_place(diagnosis)):
+        return differ
+    constant = largest_of(diagnosis).family.configuration == OFF_SHEET
+    return differ if constant and diagnosis.verdict is Verdict.NAMED else f"{differ} Most of it: {where}"
 
 
 def largest_place(diagnosis: MotionDiagnosis) -> str:
