@@ -115,14 +115,16 @@ def _against_other_lateness(
     took up what it did not explain. Each is therefore held against the other on rows of its own.
     """
     found, meant, naming = search
-    left = _left_by(naming.best.fits, found) - MARGIN
+    left = math.nan
     for fits in other_lateness(naming.best, meant.problem):
+        if math.isnan(left):
+            left = _left_by(naming.best.fits, found) - MARGIN
         about = _beside_whole(replace(before, values=found.baseline.values), noise, fits)
         other = motion_evidence(about, noise_beside(about, noise), library(), rng)
         unopposed = without_opposed(other)
         told = _searched(unopposed, MotionCatalogue())
-        if told.explained and _same(fits, told.best.fits) and _left_by(told.best.fits, other) < left:
-            search, left = (other, unopposed, told), _left_by(told.best.fits, other)
+        if told.explained and _same(fits, told.best.fits) and (less := _left_by(told.best.fits, other)) < left:
+            search, left = (other, unopposed, told), less
     return search
 
 
