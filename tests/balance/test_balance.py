@@ -17,6 +17,7 @@ from scipy.signal import lfilter
 from tests.balance.reading import read_one
 from tests.balance.slide import make_case, plain
 from tests.conftest import ROOT
+from tests.slow import slow
 
 from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
 from pmg.pipeline.commands.machines.terms import run_terms
@@ -75,7 +76,7 @@ def value(diagnosis: TermsDiagnosis, term: str) -> tuple[float, float]:
 # --- planted truths ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("first", [0, 10, 20, 30])
+@pytest.mark.parametrize("first", [0, pytest.param(10, marks=slow), 20, pytest.param(30, marks=slow)])
 def test_a_clean_drive_has_nothing_named(tmp_path: Path, first: int) -> None:
     verdicts = []
     for seed in range(first, first + 10):

@@ -90,7 +90,7 @@ def thinning(m: Geared) -> Array:
         ),
         pytest.param(plain, lambda r: with_brake(r, late), {frozenset({"output_torque_lag"})}, marks=slow),
         pytest.param(plain, lambda r: with_motor(r, late), {frozenset({"input_torque_lag"})}, marks=slow),
-        (thinning, None, {frozenset({"warming"})}),
+        pytest.param(thinning, None, {frozenset({"warming"})}, marks=slow),
     ],
     ids=["conversion", "output late", "input late", "an amplitude far below its bound"],
 )

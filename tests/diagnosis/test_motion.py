@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
+from tests.slow import slow
 
 from pmg.pipeline.chapters.in_motion.action_sheet import action_sheet
 from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermProblem, fit_term
@@ -145,8 +146,8 @@ def test_rows_are_white_once_whitened() -> None:
     rows = np.stack([runs[0].rows(smooth_of(stretch.run.run, each)) for each in noise[:40]])
     white = row_noise(baseline, 0, SlowNoise(per_shaft(lambda _: Wander.of(1e-9)))).white(rows.T - rows.mean(axis=1))
     assert 0.75 < white.std() < 1.1  # less than 1 where the filter leaves nothing: the floor stands there
-    slow = white[: 15 * 20].reshape(15, 20, -1).sum(axis=1)
-    assert 0.75 < float(np.mean(slow**2)) / 20.0 < 1.15  # and what it adds makes the rest a little too wide
+    sums = white[: 15 * 20].reshape(15, 20, -1).sum(axis=1)
+    assert 0.75 < float(np.mean(sums**2)) / 20.0 < 1.15  # and what it adds makes the rest a little too wide
 
 
 def smooth_of(run: MovingRun, torque: np.ndarray) -> np.ndarray:
@@ -236,7 +237,9 @@ def _with_torque(run: MovingRun, more: np.ndarray) -> MovingRun:
     return MovingRun(**{**vars(run), "torque": PerShaft(run.torque.sun + more, run.torque.ring)})
 
 
-@pytest.mark.parametrize(("time", "rest"), [(1.0, 0), (5.0, 0), (2.0, 12000), (60.0, 0)])
+@pytest.mark.parametrize(
+    ("time", "rest"), [pytest.param(1.0, 0, marks=slow), (5.0, 0), (2.0, 12000), pytest.param(60.0, 0, marks=slow)]
+)
 def test_the_wander_and_the_ripple_of_a_campaign_are_found(time: float, rest: int) -> None:
     """Its size over an instant and in a mean over 20 s, and ripple; where a shaft stands for half of each run, too.
 
@@ -307,7 +310,7 @@ def _slipping(angle: np.ndarray, span: float) -> np.ndarray:
     return np.array(found)
 
 
-@pytest.mark.parametrize(("seed", "size"), [(25, 0.02), (27, 0.007)])
+@pytest.mark.parametrize(("seed", "size"), [pytest.param(25, 0.02, marks=slow), (27, 0.007)])
 def test_friction_that_rises_after_a_reversal_is_named(seed: int, size: float) -> None:
     """In slow swings through standstill: what is left out at once is there a hundredth of a radian later.
 
@@ -315,9 +318,9 @@ def test_friction_that_rises_after_a_reversal_is_named(seed: int, size: float) -
     """
     rng, t = np.random.default_rng(seed), np.arange(20000) / RATE
     swings = 4.0 * np.sin(2.0 * np.pi * t / 2.5)
-    slow = [_run(6 + k, Manoeuvre.DITHER, swings * (1.0 + 0.3 * k), rng) for k in range(2)]
+    creeping = [_run(6 + k, Manoeuvre.DITHER, swings * (1.0 + 0.3 * k), rng) for k in range(2)]
     campaign = []
-    for run in (*_campaign(seed), *slow):
+    for run in (*_campaign(seed), *creeping):
         rotor = run.angle.sun
         speed = np.gradient(lfilter(np.ones(9) / 9.0, [1.0], rotor)) * RATE
         campaign.append(_with_torque(run, run.turns.sun * size * (_slipping(rotor, 0.02) - np.tanh(speed / 0.3))))

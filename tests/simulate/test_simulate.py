@@ -15,7 +15,7 @@ import pytest
 from tests.conftest import ROOT
 from tests.report import chromium
 from tests.report.controls import press_all
-from tests.slow import slow
+from tests.slow import SLOW, slow
 from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
@@ -35,6 +35,8 @@ from pmg.sim.signals import REVOLUTION, SPEED_SUN
 
 RUNNER = CliRunner()
 SCENARIOS = ROOT / "raw" / "scenarios"
+FURTHER = ("gear-2", "sun-held")
+"""Scenarios with a solver of their own, which takes seconds to compile, and nothing else that others lack."""
 DRAWN = ("engaged-grid", "free-carrier", "neutral", "thesis-run")
 ONE_COUNT = REVOLUTION / 5120
 
@@ -90,6 +92,8 @@ def shipped(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, d
         shutil.copytree(ROOT / "raw" / folder, raw / folder)
     found = {}
     for path in sorted((raw / "scenarios").glob("*.toml")):
+        if path.stem in FURTHER and not SLOW:
+            continue
         if path.stem not in DRAWN:
             text = path.read_text()
             table = "" if "[output]\n" in text else "\n[output]\n"
@@ -99,7 +103,10 @@ def shipped(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, d
     return found
 
 
-@pytest.mark.parametrize("name", [path.stem for path in sorted(SCENARIOS.glob("*.toml"))])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(path.stem, marks=slow if path.stem in FURTHER else ()) for path in sorted(SCENARIOS.glob("*.toml"))],
+)
 def test_each_scenario_that_ships_runs(name: str, shipped: dict[str, tuple[Path, dict[str, Any]]]) -> None:
     out, summary = shipped[name]
     assert json.loads((out / "summary.json").read_text()) == summary
