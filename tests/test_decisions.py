@@ -28,15 +28,16 @@ from pmg.pipeline.diagnosis.engine.explanation import Explanation, rivals_near
 from pmg.pipeline.diagnosis.engine.found_set import Naming
 from pmg.pipeline.diagnosis.engine.mismatch import search
 from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem
-from pmg.pipeline.diagnosis.engine.scan import ABSORBED, MINIMUM_ROOM, Scan, make_scan
+from pmg.pipeline.diagnosis.engine.scan import ABSORBED, Scan, make_scan
 from pmg.pipeline.diagnosis.grid.evidence import both_shafts
-from pmg.pipeline.diagnosis.grid.outliers import _far_off, _surprises
 from pmg.pipeline.diagnosis.residuals.covariates import COVARIATES, looks, untested
+from pmg.pipeline.fit.analysis import _far_off, _surprises
 from pmg.pipeline.fit.calibration import start_model
 from pmg.pipeline.fit.common_errors import TransducerCause
 from pmg.pipeline.fit.loss_fit import LossFits, fit_losses
 from pmg.pipeline.fit.noise import NO_CORRELATION, NoiseFloor, ShaftNoise
 from pmg.pipeline.fit.noise_floor import noise_floor, repeat_contrasts, structured_columns
+from pmg.pipeline.fit.robust import MINIMUM_ROOM
 from pmg.pipeline.fit.structure import _run_history, families
 from pmg.pipeline.fit.whitening import floor_scale
 from pmg.pipeline.grid.conditions import NOT_RECORDED, UNRECORDED, conditions
@@ -195,7 +196,11 @@ def test_a_reading_far_from_all_others_is_set_aside(
     grid.torque_sun[17] += off
     fits = fits_of(grid)
     found = _far_off(grid, fits, noise_floor(grid, fits, bench), bench)
-    assert found == (17 if seen else None)
+    assert (found is not None) == seen
+    if found is not None:
+        row, shaft, distance = found
+        assert (row, shaft) == (17, "sun")
+        assert distance == pytest.approx(off, abs=0.01)
 
 
 def test_what_is_far_off_is_judged_by_the_room_that_the_structures_leave(
@@ -213,7 +218,9 @@ def test_what_is_far_off_is_judged_by_the_room_that_the_structures_leave(
     y = (readings.torque - predict(readings, bench, model)) / scale
     left, room = y - hat @ y, 1.0 - np.diag(hat)
     assert room.min() < 0.5 < room.max()
-    found = _surprises(readings, bench, model, floor)
+    found, off = _surprises(readings, bench, model, floor)
+    judged = room > MINIMUM_ROOM**2
+    assert off[judged] == pytest.approx((left * scale / room)[judged], rel=1e-3, abs=1e-9)
     for mine in (readings.sun, ~readings.sun):
         dof = float(room[mine].sum()) - 1.0
         own = left[mine] ** 2 / np.maximum(room[mine], MINIMUM_ROOM**2)

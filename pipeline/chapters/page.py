@@ -159,10 +159,10 @@ def build_report(
     if diagnosis is not None and left.calibration is not None:
         readings = diagnosis.mismatch.readings
         residual = readings.torque - predict(readings, bench, left.calibration.model)
-        sheet = action_sheet(diagnosis, residual, before, highest_loss(faults, analysis.balance))
+        costs, first = highest_loss(faults, analysis.balance), _unsettled(recorded.findings)
+        sheet = action_sheet(diagnosis, residual, before, costs, first)
         sections.append(diagnosis_section(diagnosis, residual))
-        if diagnosis.audit is not None:
-            sections.append(audit_section(diagnosis.audit))
+        sections += () if diagnosis.audit is None else (audit_section(diagnosis.audit),)
     if analysis.grid.origin == "published":
         from pmg.pipeline.chapters.studies.validation import published_sections
 
@@ -213,6 +213,11 @@ def _contradictions(findings: tuple[Remark, ...]) -> list[str]:
         f"{found[0].place}: {found[0].message}" + (f" ({len(found) - 1} more in data quality)" if found[1:] else "")
         for found in by_check.values()
     ]
+
+
+def _unsettled(findings: tuple[Remark, ...]) -> tuple[str, ...]:
+    """What to do about each contradiction of the campaign as a whole."""
+    return tuple(each.settle for each in findings if isinstance(each, CrossCheckRemark) and each.settle)
 
 
 def _behind(section: Section, first: tuple[Text | Table, ...]) -> Section:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.fit.calibration import FittedBaseline, calibrate
+import numpy as np
+from scipy import stats
+
+from pmg.pipeline.fit.calibration import FittedBaseline, calibrate, start_model
 from pmg.pipeline.fit.common_errors import CommonErrorSources, causes_of_calibration, causes_of_fits
 from pmg.pipeline.fit.correction import CorrectionStudy, study_correction
 from pmg.pipeline.fit.damping import THESIS_CORRECTIONS, DampingFit, fit_damping
@@ -13,17 +16,33 @@ from pmg.pipeline.fit.drift import Drift, find_drift
 from pmg.pipeline.fit.loss_fit import LossFits, fit_losses, point_weights, shaft_drags
 from pmg.pipeline.fit.losses import PowerBalance, largest_plausible_correction, power_balance
 from pmg.pipeline.fit.noise import NoiseFloor
-from pmg.pipeline.fit.noise_floor import noise_floor
+from pmg.pipeline.fit.noise_floor import noise_floor, structured_columns
 from pmg.pipeline.fit.plane_fit import PlaneFits, plane_fits
+from pmg.pipeline.fit.robust import studentised
+from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.term_choice import TermChoice, choose_terms
-from pmg.pipeline.fit.whitening import with_floor
+from pmg.pipeline.fit.whitening import floor_scale, with_floor
 from pmg.pipeline.grid.completeness import holes
+from pmg.pipeline.grid.readings import predict, take_readings
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.options import AnalysisOptions
+    from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
+    from pmg.sim.lossmodel import LossModel
+    from pmg.sim.signals import Array
+
+FAR_OFF = 1e-5
+"""p-value of a reading, all readings looked at, below which it is set aside at once: two such readings can bend a
+smooth structure towards themselves, so that neither is the clearest thing that is seen."""
+
+STANDS_OUT = "off what the others say"
+"""How the reason of a point ends that stands out by itself."""
+
+MOST_OUTLIERS = 0.04
+"""Part of the points that may be set aside because they stand out by themselves; more is no accident."""
 
 
 @dataclass(frozen=True)
@@ -81,9 +100,16 @@ class Analysis:
     causes: CommonErrorSources | None = None
 
     @property
+    def aside(self) -> tuple[str, ...]:
+        """Points that are not accepted because they stand out by themselves, as their reason says."""
+        rows = [row for row, why in enumerate(self.grid.reason.tolist()) if why.endswith(STANDS_OUT)]
+        return tuple(map(str, self.grid.points.name[rows]))
+
+    @property
     def complete(self) -> bool:
         """Whether every step was made and no grid has a hole."""
-        return not self.missing and not self.lacking and bool(self.grid.accepted.all())
+        every = self.grid.accepted | np.isin(self.grid.points.name, self.aside)
+        return not self.missing and not self.lacking and bool(every.all())
 
 
 def analyse(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> Analysis:
@@ -106,12 +132,11 @@ def analyse(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> Ana
     fixed = options.fixed_correction
     nothing = Analysis(grid, options, None, None, None, None, None, (), holes(grid), ())
     try:
-        options, choices = chosen_terms(grid, options)
-        fits = fit_curves(grid, options)
+        rough = _rough_fit(grid, options, bench)
     except FitError as error:
         return replace(nothing, missing=(error,))
-    floor = noise_floor(grid, fits, bench)
-    grid = with_floor(grid, floor)
+    rough = _without_far_readings(rough, options, bench)
+    grid, options, fits, floor = with_floor(rough.grid, rough.floor), rough.options, rough.fits, rough.floor
     if point_weights(grid) is not None:
         fits = fit_curves(grid, options, weighted=True)
     curves = replace(
@@ -120,7 +145,7 @@ def analyse(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> Ana
         options=options,
         fits=fits,
         floor=floor,
-        choices=choices,
+        choices=rough.choices,
         plane=plane_fits(grid, fits, bench),
         drift=find_drift(grid, bench),
     )
@@ -149,6 +174,72 @@ def analyse(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> Ana
         study=_study(grid, fits, bench, rule, calibration),
         causes=causes,
     )
+
+
+@dataclass(frozen=True)
+class _Rough:
+    """Curves and noise of a grid before its points have uncertainties, with the options and rankings behind them."""
+
+    grid: Grid
+    options: AnalysisOptions
+    choices: tuple[TermChoice, ...]
+    fits: LossFits
+    floor: NoiseFloor
+
+
+def _rough_fit(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> _Rough:
+    chosen, choices = chosen_terms(grid, options)
+    fits = fit_curves(grid, chosen)
+    return _Rough(grid, chosen, choices, fits, noise_floor(grid, fits, bench))
+
+
+def _without_far_readings(rough: _Rough, options: AnalysisOptions, bench: BenchParameters) -> _Rough:
+    """The fit without the points that stand out by themselves, as long as they are few.
+
+    A single reading far from all others is a bad reading, not physics: it takes no part in any fit, and is reported.
+    """
+    every, aside = rough, 0
+    while (far := _far_off(rough.grid, rough.fits, rough.floor, bench)) is not None:
+        row, shaft, off = far
+        if aside >= MOST_OUTLIERS * len(rough.grid):
+            return every
+        aside += 1
+        accepted, reasons = rough.grid.accepted.copy(), rough.grid.reason.tolist()
+        accepted[row] = False
+        reasons[row] = "; ".join(filter(None, (reasons[row], f"{shaft} torque {off:+.3f} N m {STANDS_OUT}")))
+        try:
+            rough = _rough_fit(replace(rough.grid, accepted=accepted, reason=np.array(reasons)), options, bench)
+        except FitError:  # what is left is too little for the curves
+            return every
+    return rough
+
+
+def _far_off(grid: Grid, fits: LossFits, floor: NoiseFloor, bench: BenchParameters) -> tuple[int, str, float] | None:
+    """Row, shaft and distance [N m] of the reading farthest from baseline and every smooth structure, if it is far."""
+    readings, model = take_readings(grid, bench), start_model(fits)
+    surprise, off = _surprises(readings, bench, model, floor)
+    worst = int(np.argmin(surprise))
+    if surprise[worst] * len(readings) >= FAR_OFF:
+        return None
+    return int(readings.row[worst]), "sun" if readings.sun[worst] else "ring", float(off[worst])
+
+
+def _surprises(readings: Readings, bench: BenchParameters, model: LossModel, floor: NoiseFloor) -> tuple[Array, Array]:
+    """p-value of each reading (m,) by its externally studentised residual, and how far off it is [N m] (m,).
+
+    Shaft by shaft; 1 where the structures leave a reading too little room to be judged.
+    """
+    scale = floor_scale(readings, bench, floor)
+    basis = orthonormal(structured_columns(readings, bench, model) / scale[:, None])
+    y = (readings.torque - predict(readings, bench, model)) / scale
+    room = 1.0 - np.einsum("ij,ij->i", basis, basis)
+    left = y - basis @ (basis.T @ y)
+    found, off = np.ones(len(readings)), np.zeros(len(readings))
+    for mine in (readings.sun, ~readings.sun):
+        rows, surprise, dof = studentised(left, room, mine)
+        found[rows] = 2.0 * stats.t.sf(np.abs(surprise), dof)
+        off[rows] = (left * scale)[rows] / room[rows]
+    return found, off
 
 
 def chosen_terms(grid: Grid, options: AnalysisOptions) -> tuple[AnalysisOptions, tuple[TermChoice, ...]]:

@@ -1,4 +1,4 @@
-"""Robust fits: Huber's M-estimate of curves, and Tukey's bisquare, by which readings beyond a limit count nothing."""
+"""Robust fits by Huber and by Tukey's bisquare, and how far a reading lies out of what the others say."""
 
 from __future__ import annotations
 
@@ -13,10 +13,15 @@ from pmg.sim.errors import FitError, UnsettledFitError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.sim.signals import Array
+    import numpy.typing as npt
+
+    from pmg.sim.signals import Array, Mask
 
 HUBER = 1.345
 """Huber's tuning constant: 95 % efficiency under normal noise."""
+
+MINIMUM_ROOM = 0.2
+"""Part of a reading's standard deviation that the fit must leave before it can be called an outlier."""
 
 MAD = 0.6745
 """Median of the magnitude of a standard normal variable."""
@@ -220,3 +225,32 @@ def _sigma(u: Array, leverage: Array, unit: float, k: int) -> float:
     m = len(u)
     spread = math.sqrt(float(np.sum((1.0 - leverage) * psi**2)) / (m - k))
     return (1.0 + k / m * (1.0 - slope) / slope) * spread * unit / slope
+
+
+def studentised(left: Array, room: Array, group: Mask) -> tuple[npt.NDArray[np.intp], Array, float]:
+    r"""Rows of a group that a fit leaves room, how far each lies out [standard deviations], and degrees of freedom.
+
+    Parameters
+    ----------
+    left : (m,) array
+        What the fit leaves, weighted.
+    room : (m,) array
+        Part of each row's variance that it leaves: one less the leverage.
+    group : (m,) array of bool
+        Rows whose scatter is estimated together.
+
+    Notes
+    -----
+    :math:`t_i = e_i / (s_{(i)} \sqrt{1 - h_i})` with the scatter :math:`s_{(i)}` of the other rows has Student's
+    distribution with one degree of freedom less than the fit. None is judged where the fit leaves two or fewer.
+
+    References
+    ----------
+    R. D. Cook, S. Weisberg, 'Residuals and Influence in Regression', Chapman and Hall, 1982, section 2.2.
+    """
+    rows = np.flatnonzero(group & (room > MINIMUM_ROOM**2))
+    dof, total = float(np.sum(room[group])) - 1.0, float(left[group] @ left[group])
+    if dof <= 1.0 or total <= 0.0:
+        return rows[:0], left[:0], dof
+    others = np.maximum(total - left[rows] ** 2 / room[rows], 1e-300) / dof
+    return rows, left[rows] / np.sqrt(others * room[rows]), dof

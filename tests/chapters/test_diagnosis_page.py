@@ -208,9 +208,10 @@ def test_probabilities_of_the_neutral_chapter_are_numbers(analysed: Analysis) ->
     assert known
 
 
-def answers_of(diagnosis: Diagnosis, residual: Array) -> dict[str, str]:
+def answers_of(diagnosis: Diagnosis, residual: Array, unsettled: tuple[str, ...] = ()) -> dict[str, str]:
     """Answers of the sheet by their questions."""
-    return {each.question: " ".join(each.sentences) for each in action_sheet(diagnosis, residual).answers}
+    sheet = action_sheet(diagnosis, residual, unsettled=unsettled)
+    return {each.question: " ".join(each.sentences) for each in sheet.answers}
 
 
 def test_the_sheet_answers_where_why_how_sure_what_to_do_and_at_what_cost(judged: ComparedCampaign) -> None:
@@ -428,3 +429,16 @@ def test_points_of_efficiency_are_those_of_the_power_balance_in_either_flow(
         for each in (grid, replace(grid, torque_sun=moved))
     )
     assert f", and {100.0 * np.abs(after - before).max():.2g} points of efficiency" in said
+
+
+def test_a_campaign_that_contradicts_itself_is_settled_first(judged: ComparedCampaign) -> None:
+    """Whatever the verdict; and no record of campaigns that did not contradict themselves stands beside it."""
+    do = ("Check the counts per turn.", "Check both cables.")
+    for diagnosis in (judged.diagnosis, _consistent(judged)):
+        residual = np.zeros(len(diagnosis.mismatch.readings.torque))
+        plain, said = (answers_of(diagnosis, residual, each) for each in ((), do))
+        assert said["On the bench"].startswith("First: check the counts per turn. Check both cables.")
+        assert (plain["On the bench"] in said["On the bench"]) == (diagnosis.verdict is not Verdict.CONSISTENT)
+        assert said["How sure"].startswith("Not before it is settled")
+        assert ("simulated cases" in plain["How sure"]) == (diagnosis.verdict is not Verdict.CONSISTENT)
+        assert "simulated cases" not in said["How sure"]

@@ -83,11 +83,12 @@ def sound_campaign() -> Runs:
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault: what it is, the cross-check that must name it, and how it is planted in a run, or in all."""
+    """A fault: what it is, the check that must name it, how it is planted, and whether it leaves nothing to use."""
 
     what: str
     check: str
     plant: Callable[[Runs], str]
+    void: bool = False
 
 
 def _changed(name: str, **changes: object) -> Callable[[Runs], str]:
@@ -128,6 +129,15 @@ def _all_scaled(factor: float, *sides: str) -> Callable[[Runs], str]:
         for name, one in runs.items():
             torque = {side: factor * t if side in sides else t for side, t in one.torque.items()}
             runs[name] = replace(one, torque=torque)
+        return ""
+
+    return plant
+
+
+def _all_faster(factor: float, *sides: str) -> Callable[[Runs], str]:
+    def plant(runs: Runs) -> str:
+        for name, one in runs.items():
+            runs[name] = replace(one, speed={s: factor * n if s in sides else n for s, n in one.speed.items()})
         return ""
 
     return plant
@@ -199,6 +209,8 @@ FAULTS = (
     Fault("20 spikes of 4 N m", "spikes", _spoilt(NEUTRAL, "sun", _spikes)),
     Fault("gain of the sun 1.5 in one run", "torque-balance", _torque(ENGAGED, lambda t: 1.5 * t, "sun")),
     Fault("zero of the sun 300 mN m off under load", "torque-balance", _torque("30.mcap", lambda t: t + 0.3, "sun")),
+    Fault("torque of the sun of the wrong sign", "torque-balance", _torque("30.mcap", lambda t: -t, "sun"), void=True),
+    Fault("encoder of the ring 0.15 % too many counts", "encoder-ratio", _all_faster(1.0015, "ring")),
     Fault("gain of the sun's transducer one half", "transducer-ratio", _all_scaled(0.5, "sun")),
     Fault("gain of the ring's transducer 1.2", "transducer-ratio", _all_scaled(1.2, "ring")),
 )

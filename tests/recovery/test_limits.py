@@ -72,9 +72,31 @@ def test_two_bad_readings_are_set_aside_together(bench: BenchParameters) -> None
     torque = grid.torque_sun.copy()
     rows = np.flatnonzero(grid.points.engaged & (grid.points.drive == "sun"))[[11, 12]]
     torque[rows] += 0.02
-    found = diagnosed(replace(grid, torque_sun=torque), bench, rng)
-    assert set(found.outliers) == set(grid.points.name[rows])
-    assert found.verdict is Verdict.CONSISTENT
+    bad = replace(grid, torque_sun=torque)
+    analysis, sound = analysed(bad, bench), analysed(grid, bench)
+    assert set(analysis.aside) == set(grid.points.name[rows])
+    assert analysis.complete == sound.complete
+    assert set(np.flatnonzero(analysis.grid.accepted != grid.accepted)) == set(rows)
+    for row in rows:
+        shaft, _, off, *_ = str(analysis.grid.reason[row]).split()
+        assert shaft == "sun"
+        assert float(off) == pytest.approx(0.02, abs=0.006)
+    assert analysis.calibration is not None
+    assert sound.calibration is not None
+    used, good = analysis.calibration.model, sound.calibration.model
+    assert (used.correction, used.c) == pytest.approx((good.correction, good.c), rel=0.02), "they take no part"
+    assert diagnosed(bad, bench, rng).verdict is Verdict.CONSISTENT
+
+
+def test_readings_far_off_are_no_accident_where_they_are_many(bench: BenchParameters) -> None:
+    rng = np.random.default_rng(8)
+    grid, _, _ = measure(NATURE, campaign_points("random", rng), rng)
+    torque = grid.torque_sun.copy()
+    rows = np.flatnonzero(grid.points.engaged & (grid.points.drive == "sun"))
+    torque[rng.choice(rows, round(0.1 * len(grid)), replace=False)] += 0.05
+    analysis = analysed(replace(grid, torque_sun=torque), bench)
+    assert analysis.aside == ()
+    assert np.array_equal(analysis.grid.accepted, grid.accepted)
 
 
 def test_a_reading_that_swings_with_time_is_located_by_its_period(bench: BenchParameters) -> None:

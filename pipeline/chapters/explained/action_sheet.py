@@ -43,7 +43,16 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
-def action_sheet(diagnosis: Diagnosis, residual: Array, before: str = "", as_read: str = "") -> ActionSheet:
+NOTHING = "Nothing."
+"""What to do on a bench that agrees with its model."""
+
+UNSETTLED = "Not before it is settled what the recordings contradict (see the warning): that may be the cause."
+"""How sure a verdict is beside a contradiction of the campaign as a whole."""
+
+
+def action_sheet(
+    diagnosis: Diagnosis, residual: Array, before: str = "", as_read: str = "", unsettled: tuple[str, ...] = ()
+) -> ActionSheet:
     """The sheet of a campaign of steady points.
 
     Parameters
@@ -56,6 +65,8 @@ def action_sheet(diagnosis: Diagnosis, residual: Array, before: str = "", as_rea
         Which model was given, where one was, as a phrase that ends in a colon; may be empty.
     as_read : str
         What a fault of a reading makes of the losses, where there is one, as a sentence; may be empty.
+    unsettled : tuple of str
+        What to do about each contradiction of the campaign as a whole, as sentences.
     """
     naming = diagnosis.naming
     named = tuple(
@@ -72,7 +83,7 @@ def action_sheet(diagnosis: Diagnosis, residual: Array, before: str = "", as_rea
         signal=places[0].signal if places else "",
     )
     return ActionSheet(
-        tuple(_answers(diagnosis, residual, before, as_read)), parts, before_and_after(diagnosis, residual)
+        tuple(_answers(diagnosis, residual, before, as_read, unsettled)), parts, before_and_after(diagnosis, residual)
     )
 
 
@@ -83,10 +94,11 @@ def _possible(diagnosis: Diagnosis) -> tuple[GridExplanation, ...]:
     return (diagnosis.naming.best, *(rival.explanation for rival in diagnosis.rivals))
 
 
-def _answers(diagnosis: Diagnosis, residual: Array, before: str, as_read: str) -> Iterator[SheetAnswer]:
+def _answers(
+    diagnosis: Diagnosis, residual: Array, before: str, as_read: str, unsettled: tuple[str, ...]
+) -> Iterator[SheetAnswer]:
     naming, verdict = diagnosis.naming, diagnosis.verdict
-    title = phrase(diagnosis)
-    title = capitalised(title)
+    title = capitalised(phrase(diagnosis))
     if naming is not None and verdict is Verdict.NAMED:
         sizes = (fitted(diagnosis, i) for i in range(len(naming.best.fits)))
         yield SheetAnswer("Verdict", (f"{title}: {causes(diagnosis, naming.best)}.", *sizes), "mechanisms")
@@ -105,10 +117,11 @@ def _answers(diagnosis: Diagnosis, residual: Array, before: str, as_read: str) -
         closest = f"{capitalised(words)}." if (words := nearest(diagnosis)) else ""
         said = faint(diagnosis)
         yield SheetAnswer("Cause", (said,) if said else tuple(filter(None, (none, closest))))
-    if sure := tuple(_sureness(diagnosis)):
+    if sure := tuple(_sureness(diagnosis, bool(unsettled))):
         hidden = diagnosis.audit is not None and verdict is Verdict.CONSISTENT
         yield SheetAnswer("How sure", sure, "visibility" if hidden else GROUNDS)
-    yield SheetAnswer("On the bench", (_action(diagnosis),))
+    first, action = (f"First: {uncapitalised(each)}" for each in unsettled[:1]), _action(diagnosis)
+    yield SheetAnswer("On the bench", (*first, *unsettled[1:], *(() if unsettled and action == NOTHING else (action,))))
     yield SheetAnswer("Next test", (_next(diagnosis),), "next-tests" * bool(diagnosis.next_tests))
     yield SheetAnswer("In the model", (IN_THE_MODEL[verdict],))
     if cost := tuple(
@@ -141,11 +154,13 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"{counted(len(diagnosis.outliers), 'outlier')} excluded first."
 
 
-def _sureness(diagnosis: Diagnosis) -> Iterator[str]:
+def _sureness(diagnosis: Diagnosis, unsettled: bool) -> Iterator[str]:
     mismatch = diagnosis.mismatch
+    if unsettled:
+        yield UNSETTLED
     if proof := held_out(diagnosis):
         yield proof
-    if (record := track_record(diagnosis)) is not None:
+    if not unsettled and (record := track_record(diagnosis)) is not None:
         yield record.sentence
     if diagnosis.verdict is Verdict.CONFOUNDED:
         yield "What the loss curves hold could be drift or real loss. Slow changes are neither shown nor excluded."
@@ -176,10 +191,9 @@ def _hidden(diagnosis: Diagnosis) -> Iterator[str]:
 def _action(diagnosis: Diagnosis) -> str:
     """What to do on the bench."""
     if diagnosis.verdict is Verdict.NAMED:
-        action = bench_action(diagnosis)
-        return f"{capitalised(action)}." if action else "Nothing to repair: this is physics the model lacks."
+        return f"{capitalised(bench_action(diagnosis) or 'nothing to repair: this is physics the model lacks')}."
     if diagnosis.verdict is Verdict.CONSISTENT:
-        return "Nothing."
+        return NOTHING
     likely = any(test.power >= LIKELY for test in diagnosis.next_tests)
     if diagnosis.verdict is not Verdict.NOT_IN_LIBRARY:
         return "Repair nothing yet: the next test tells." if likely else "Repair nothing yet."

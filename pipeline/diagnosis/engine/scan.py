@@ -9,18 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
+from pmg.pipeline.fit.robust import MINIMUM_ROOM
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy.typing as npt
-
     from pmg.pipeline.diagnosis.engine.evidence import Evidence
-    from pmg.sim.signals import Array, Mask
-
-MINIMUM_ROOM = 0.2
-"""Part of a reading's standard deviation that the fit must leave before it can be called an outlier."""
+    from pmg.sim.signals import Array
 
 ABSORBED = 1e-2
 """A column of which less than this part survives the baseline cannot be seen, and is not looked for."""
@@ -149,32 +145,3 @@ def make_scan(evidence: Evidence, baseline: Array) -> Scan:
 def look_elsewhere(observed: float, smallest: Array) -> float:
     """Probability that pure noise shows as clear a thing: of its smallest nominal p-values (draws,), or logarithms."""
     return (1.0 + float(np.sum(smallest <= observed))) / (len(smallest) + 1.0)
-
-
-def studentised(left: Array, room: Array, group: Mask) -> tuple[npt.NDArray[np.intp], Array, float]:
-    r"""Rows of a group that a fit leaves room, how far each lies out [standard deviations], and degrees of freedom.
-
-    Parameters
-    ----------
-    left : (m,) array
-        What the fit leaves, weighted.
-    room : (m,) array
-        Part of each row's variance that it leaves: one less the leverage.
-    group : (m,) array of bool
-        Rows whose scatter is estimated together.
-
-    Notes
-    -----
-    :math:`t_i = e_i / (s_{(i)} \sqrt{1 - h_i})` with the scatter :math:`s_{(i)}` of the other rows has Student's
-    distribution with one degree of freedom less than the fit. None is judged where the fit leaves two or fewer.
-
-    References
-    ----------
-    R. D. Cook, S. Weisberg, 'Residuals and Influence in Regression', Chapman and Hall, 1982, section 2.2.
-    """
-    rows = np.flatnonzero(group & (room > MINIMUM_ROOM**2))
-    dof, total = float(np.sum(room[group])) - 1.0, float(left[group] @ left[group])
-    if dof <= 1.0 or total <= 0.0:
-        return rows[:0], left[:0], dof
-    others = np.maximum(total - left[rows] ** 2 / room[rows], 1e-300) / dof
-    return rows, left[rows] / np.sqrt(others * room[rows]), dof

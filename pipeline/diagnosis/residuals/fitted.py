@@ -10,10 +10,10 @@ import numpy as np
 from scipy import stats
 
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
-from pmg.pipeline.diagnosis.engine.scan import studentised
 from pmg.pipeline.fit.calibration import jacobian
 from pmg.pipeline.fit.noise_floor import repeat_contrasts
 from pmg.pipeline.fit.plane_fit import plane_columns
+from pmg.pipeline.fit.robust import studentised
 from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.whitening import floor_scale, relative_scale
 from pmg.pipeline.grid.readings import Readings, predict, take_readings

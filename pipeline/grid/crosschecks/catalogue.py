@@ -18,7 +18,12 @@ from pmg.pipeline.grid.crosschecks.channels import (
     starts_off_the_host,
 )
 from pmg.pipeline.grid.crosschecks.contradiction import Action, Contradiction
-from pmg.pipeline.grid.crosschecks.declared import coupled_in_neutral, driven_from_the_other_side, gears_by_speeds
+from pmg.pipeline.grid.crosschecks.declared import (
+    coupled_in_neutral,
+    driven_from_the_other_side,
+    encoders_off_the_ratio,
+    gears_by_speeds,
+)
 from pmg.pipeline.grid.crosschecks.set_points import (
     loads_off_set_point,
     speeds_off_the_others,
@@ -75,6 +80,7 @@ CROSS_CHECKS: tuple[CrossCheck, ...] = (
     CrossCheck("spikes", _WIDEN, "the mean without samples far off the others", means_moved_by_spikes),
     CrossCheck("repeats", _WIDEN, "other recordings of the same point", repeats_that_differ),
     CrossCheck("torque-balance", _WIDEN, "torque of the other shaft", torques_off_the_other_shaft),
+    CrossCheck("encoder-ratio", _KEEP, "ratio of the gear, to which coupled shafts turn", encoders_off_the_ratio),
     CrossCheck("transducer-ratio", _KEEP, "torque of the other shaft and the gear's ratio", transducers_off_the_ratio),
 )
 """In the order in which they are made: what one rejects, the next ones no longer see."""
@@ -89,7 +95,7 @@ def allowed_actions(name: str) -> tuple[Action, ...]:
         There is no check of that name.
     """
     default = {check.name: check.action for check in CROSS_CHECKS}[name]
-    if name == "transducer-ratio":  # of the campaign as a whole: there is nothing to reject
+    if name in ("encoder-ratio", "transducer-ratio"):  # of the campaign as a whole: there is nothing to reject
         return (_KEEP,)
     return (_REJECT, _KEEP) + ((_WIDEN,) if default is _WIDEN else ())
 

@@ -47,11 +47,14 @@ class CrossCheckRemark(Remark):
         Name of the cross-check.
     size, limit : float
         How far it is off and how far it may be, in SI or as a part, as the message says.
+    settle : str
+        What the user can do, where it concerns the campaign as a whole, of which nothing is rejected; may be empty.
     """
 
     check: str = ""
     size: float = 0.0
     limit: float = 0.0
+    settle: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain form for JSON."""
@@ -97,6 +100,8 @@ class Contradiction:
         Shaft whose mean torque is doubted; empty for both.
     wider : float
         Half-width of the doubt about that mean [N m].
+    void : bool
+        Whether it is so far off that no uncertainty makes up for it: it is rejected where others are widened.
     """
 
     where: Row | Manifest | None
@@ -106,6 +111,7 @@ class Contradiction:
     do: str
     side: str = ""
     wider: float = 0.0
+    void: bool = False
 
     @property
     def place(self) -> str:
@@ -118,11 +124,18 @@ class Contradiction:
 
     def finding(self, name: str, action: Action) -> CrossCheckRemark:
         """As a finding of a stage: an error where something is rejected, else a warning."""
+        action = self._taken(action)
         lost = action is Action.REJECT and self.where is not None
         done = "" if self.where is None else f"; {DONE[action]}"
         severity = Severity.ERROR if lost else Severity.WARNING
         message = f"{name}: {self.message}{done}. {self.do}"
-        return CrossCheckRemark(severity, self.place, message, check=name, size=self.size, limit=self.limit)
+        settle = self.do if self.where is None else ""
+        found = CrossCheckRemark(severity, self.place, message, check=name, size=self.size, limit=self.limit)
+        return replace(found, settle=settle)
+
+    def _taken(self, action: Action) -> Action:
+        """The action asked for, or the rejection of what no uncertainty makes up for."""
+        return Action.REJECT if self.void and action is Action.WIDEN else action
 
     def applied(self, manifests: Sequence[Manifest], name: str, action: Action) -> list[Manifest]:
         """The recordings with that action taken.
@@ -136,6 +149,7 @@ class Contradiction:
         action : Action
             What is done.
         """
+        action = self._taken(action)
         if self.where is None or action is Action.KEEP:
             return list(manifests)
         manifest = self.where.manifest if isinstance(self.where, Row) else self.where

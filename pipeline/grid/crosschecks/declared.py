@@ -1,4 +1,4 @@
-"""Declarations of a run, gear, configuration and driving side, held against its speeds and powers."""
+"""Gear, configuration and driving side that runs declare held against speeds and powers, and the encoders at last."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.grid.crosschecks.contradiction import Contradiction, accepted_rows
+from pmg.pipeline.grid.crosschecks.contradiction import Contradiction, accepted_rows, robust_scale
 from pmg.sim.grid import Configuration
-from pmg.sim.shafts import PerShaft, other_side
+from pmg.sim.shafts import SIDES, PerShaft, other_side
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
@@ -23,6 +23,13 @@ RATIO_LIMIT = 0.01
 """How far the ratio of the speeds may be off that of the gear, as part of it; both carry one encoder's resolution."""
 SAME_RATIO = 0.002
 """Ratio as close to that of a gear as coupled shafts have it."""
+NORMAL_MEDIAN = 1.2533
+"""Standard error of a median of normal numbers, over that of their mean."""
+COUPLED = 2e-4
+"""How far the ratio of coupled shafts may be off that of the gear over a campaign, as part of it: poles count exactly,
+and so do encoders, whatever the torque."""
+FEW_RUNS, SURE = 6, 5.0
+"""Coupled runs from which their common ratio is known, and its standard errors from which it is off."""
 CARRIED = 0.5
 """Part of the power that goes in at one shaft and comes out at the other, above which the shafts are coupled."""
 LOADED = 0.05
@@ -58,6 +65,37 @@ def gears_by_speeds(manifests: Sequence[Manifest], bench: BenchParameters) -> It
             "its file (--machine) and a store of their own."
         )
         yield Contradiction(row, off[declared], RATIO_LIMIT, message, do)
+
+
+def encoders_off_the_ratio(manifests: Sequence[Manifest], bench: BenchParameters) -> Iterator[Contradiction]:
+    """Engaged runs of a gear whose speeds are all off its ratio by the same part: an encoder that counts wrongly."""
+    engaged = [row.window for row in accepted_rows(manifests) if row.window.configuration == Configuration.ENGAGED]
+    turning = [window for window in engaged if _turns(window)]
+    for gear in sorted({window.gear for window in turning} & set(bench.stages)):
+        own, ratio = [window for window in turning if window.gear == gear], _ratio(bench, gear)
+        off = np.array([-window.means.sun.speed / window.means.ring.speed / ratio - 1.0 for window in own])
+        usual = float(np.median(off)) if len(own) >= FEW_RUNS else 0.0
+        scale = robust_scale(off)
+        if abs(usual) > max(COUPLED, SURE * NORMAL_MEDIAN * scale / np.sqrt(len(own))):
+            message = (
+                f"engaged in gear {gear}: the ratio of the speeds is {100 * usual:+.3f} % off the gear's {ratio:.4g} "
+                f"at {len(own)} points (they scatter by {100 * scale:.3f} %), limit {100 * COUPLED:g} %. Poles that "
+                f"keep step have it exactly: the sun's encoder is out by {100 * usual:+.3f} %, or the ring's by "
+                f"{-100 * usual:+.3f} %{_against_set(own)}"
+            )
+            do = "Check the counts per turn of both encoders, and the pole pairs of the gear in the machine file."
+            yield Contradiction(None, abs(usual), COUPLED, message, do)
+
+
+def _against_set(windows: Sequence[StoredWindow]) -> str:
+    """How far the speeds of both shafts are off what was asked for, in words; empty where that is not recorded."""
+    words = []
+    for side in SIDES:
+        pairs = [(window.means[side].speed, getattr(window.setpoints, f"speed_{side}")) for window in windows]
+        parts = [found / asked - 1.0 for found, asked in pairs if asked]
+        if parts:
+            words.append(f"the {side}'s by {100 * float(np.median(parts)):+.3f} %")
+    return f" (off their set-points: {', '.join(words)})" if words else ""
 
 
 def coupled_in_neutral(manifests: Sequence[Manifest], bench: BenchParameters) -> Iterator[Contradiction]:

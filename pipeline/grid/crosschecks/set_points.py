@@ -92,11 +92,11 @@ def loads_off_set_point(manifests: Sequence[Manifest], bench: BenchParameters) -
             "gain of the load control, or of the ring's transducer, explains it"
         )
         yield Contradiction(None, abs(gain), LOAD_OF_SET, message, "Check span and nominal torque of the calibration.")
-    for row, set_to, distance, most in zip(rows, asked, off - expected, limit, strict=True):
+    for row, set_to, reading, distance, most in zip(rows, asked, asked + off, off - expected, limit, strict=True):
         if abs(distance) > most:
             usual = "" if not expected.any() else ", drag and gain of the campaign's other loads allowed for"
             message = (
-                f"a load of {set_to + distance:.3f} N m where {set_to:.3f} N m were asked for{usual}; "
+                f"a load of {reading:.3f} N m where {set_to:.3f} N m were asked for{usual}; "
                 f"off by {abs(distance):.3f} N m, limit {most:.3f} N m"
             )
             do = "Check the load control; run it again."

@@ -32,6 +32,8 @@ SHOWN = 4.0
 """And how many of its standard errors."""
 ENOUGH = 12
 """Engaged points from which each is held against the line of the others."""
+VOID = ", of the wrong sign or more than twice as large"
+"""Said of a torque that tells nothing any more."""
 OFF_OF_NOMINAL, OFF_OF_TORQUE = 0.01, 0.05
 """Limits of the distance from that line, as part of the nominal torque and of the expected one."""
 
@@ -67,7 +69,8 @@ def transducers_off_the_ratio(manifests: Sequence[Manifest], bench: BenchParamet
 def torques_off_the_other_shaft(manifests: Sequence[Manifest], bench: BenchParameters) -> Iterator[Contradiction]:
     """Torques of the sun that are off what the ring's asks for, unlike those of the campaign's other engaged points.
 
-    A zero offset is common to all points and is left to the diagnosis; the doubt is about both means of a point.
+    A zero offset is common to all points and is left to the diagnosis; the doubt is about both means of a point. One of
+    the wrong sign, or more than twice what is asked for, is void.
     """
     for gear, drive, rows, torque, basis, ratio in _engaged(manifests, bench, ENOUGH):
         line = np.column_stack((basis, np.ones(len(torque))))
@@ -75,14 +78,18 @@ def torques_off_the_other_shaft(manifests: Sequence[Manifest], bench: BenchParam
         off = torque - expected
         least = max(OFF_OF_NOMINAL * float(bench.transducer_sun.nominal_torque), SIGMAS * robust_scale(off))
         limits = np.maximum(least, OFF_OF_TORQUE * np.abs(expected))
-        for row, distance, limit in zip(rows, off.tolist(), limits.tolist(), strict=True):
+        for row, distance, asked, limit in zip(rows, off.tolist(), expected.tolist(), limits.tolist(), strict=True):
             if abs(distance) > limit:
+                void = abs(distance) > abs(asked) + least
+                words = VOID if void else ""
                 message = (
                     f"the torque of the sun is {row.window.means.sun.torque:.3f} N m, {distance:+.3f} N m off what the "
-                    f"ring's asks for at the other points of gear {gear} driven by the {drive}, limit {limit:.3f} N m"
+                    f"ring's asks for at the other points of gear {gear} driven by the {drive}, "
+                    f"limit {limit:.3f} N m{words}"
                 )
                 do = "Find out which transducer is wrong (zero, gain, cable), and run the point once more."
-                yield Contradiction(row, abs(distance), limit, message, do, wider=abs(distance) * max(ratio, 1.0))
+                wider = abs(distance) * max(ratio, 1.0)
+                yield Contradiction(row, abs(distance), limit, message, do, wider=wider, void=void)
 
 
 def _engaged(
