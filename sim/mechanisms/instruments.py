@@ -163,12 +163,11 @@ class ZeroDrift(DriftingZero):
 
 
 @dataclass(frozen=True)
-class GainError(Instrument):
-    """A sensitivity that is off: the error is a part of the reading and turns with the power flow."""
+class ScaledTorque(Instrument):
+    """A sensitivity that is off: the error is a part of the reading. Each form says what of it."""
 
     identifier = "torque_gain_error"
     title = "Gain error of a torque transducer"
-    equation = r"\Delta T_k = g_k\,T_k"
     source = sources.GUM.at("section 4.3")
     component = Component.SUN_TORQUE_TRANSDUCER
     components = _SHAFTS
@@ -178,7 +177,6 @@ class GainError(Instrument):
         Reveals(Experiment.OTHER_STAGE, "the error per torque stays the same at another ratio of the two torques"),
     )
     follows = (LawCovariate.LOAD,)
-    by_shaft = {"sun": ("gain_sun",), "ring": ("gain_ring",)}
 
     gain_sun: float = parameter("1", bounds=(-0.2, 0.2), typical=0.01, meaning="gain error of the sun's transducer")
     gain_ring: float = parameter("1", bounds=(-0.2, 0.2), typical=0.01, meaning="gain error of the ring's transducer")
@@ -191,6 +189,35 @@ class GainError(Instrument):
     def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
         """A part of the torque."""
         return Torques(self.gain_sun * true.sun, self.gain_ring * true.ring)
+
+
+@dataclass(frozen=True)
+class GainBySense(ScaledTorque):
+    """`GainError` in more detail: another sensitivity for each sense of the torque, as both are calibrated."""
+
+    equation = r"\Delta T_k = g_k\,T_k + h_k\,|T_k|"
+    by_shaft = {"sun": ("gain_sun", "sided_sun"), "ring": ("gain_ring", "sided_ring")}
+
+    sided_sun: float = parameter(
+        "1", bounds=(-0.2, 0.2), typical=0.01, meaning="part of the magnitude of its torque shown by the sun"
+    )
+    sided_ring: float = parameter(
+        "1", bounds=(-0.2, 0.2), typical=0.01, meaning="part of the magnitude of its torque shown by the ring"
+    )
+
+    def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
+        """Parts of the torque and of its magnitude."""
+        odd = super().distortion(at, true)
+        return Torques(odd.sun + self.sided_sun * np.abs(true.sun), odd.ring + self.sided_ring * np.abs(true.ring))
+
+
+@dataclass(frozen=True)
+class GainError(ScaledTorque):
+    """The same sensitivity for both senses: the error turns with the power flow."""
+
+    equation = r"\Delta T_k = g_k\,T_k"
+    by_shaft = {"sun": ("gain_sun",), "ring": ("gain_ring",)}
+    refined = GainBySense
 
 
 @dataclass(frozen=True)

@@ -318,11 +318,18 @@ PHYSICS = (
     ),
     mutant(
         "gain of the other transducer",
-        "GainError.distortion",
+        "ScaledTorque.distortion",
         "self.gain_ring * true.ring",
         "self.gain_ring * true.sun",
         FORMS,
         CONTRACT,
+    ),
+    mutant(
+        "gain without its sense",
+        "GainBySense.distortion",
+        "self.sided_sun * np.abs(true.sun)",
+        "self.sided_sun * true.sun",
+        FORMS,
     ),
     mutant(
         "crosstalk without its sense",

@@ -27,7 +27,14 @@ from pmg.sim.lossmodel import LossModel
 from pmg.sim.mechanisms.base import Mechanism, Torques, Warmth
 from pmg.sim.mechanisms.field import ResidualCoupling, ResidualCouplingOfStages
 from pmg.sim.mechanisms.friction import MixedLubrication, MixedLubricationExponent, Windage, WindagePower
-from pmg.sim.mechanisms.instruments import KNOTS, Crosstalk, CrosstalkBySense, WanderingZero
+from pmg.sim.mechanisms.instruments import (
+    KNOTS,
+    Crosstalk,
+    CrosstalkBySense,
+    GainBySense,
+    GainError,
+    WanderingZero,
+)
 from pmg.sim.mechanisms.load import (
     LoadFriction,
     LoadFrictionPower,
@@ -88,6 +95,16 @@ def test_crosstalk_by_sense_is_another_part_for_each_sense(part: float, even: fl
     np.testing.assert_allclose(shown, [(part + even) * torque, (even - part) * torque], atol=1e-12)
     plain = Crosstalk(part_sun=part).distortion(at, true).sun
     np.testing.assert_array_equal(CrosstalkBySense(part_sun=part).distortion(at, true).sun, plain)
+
+
+@given(gain=st.floats(-0.2, 0.2), sided=st.floats(-0.2, 0.2), torque=st.floats(0.1, 20.0))
+def test_a_gain_by_sense_is_another_gain_for_each_sense(gain: float, sided: float, torque: float) -> None:
+    at = points("engaged", [100.0, 100.0], [-30.0, -30.0])
+    true = Torques(np.zeros(2), np.array([torque, -torque]))
+    shown = GainBySense(gain_ring=gain, sided_ring=sided).distortion(at, true).ring
+    np.testing.assert_allclose(shown, [(gain + sided) * torque, (sided - gain) * torque], atol=1e-12)
+    plain = GainError(gain_ring=gain).distortion(at, true).ring
+    np.testing.assert_array_equal(GainBySense(gain_ring=gain).distortion(at, true).ring, plain)
 
 
 @given(x=st.floats(0.0, 50.0))

@@ -42,6 +42,7 @@ from pmg.sim.mechanisms.friction import (
 from pmg.sim.mechanisms.instruments import (
     Crosstalk,
     CrosstalkBySense,
+    GainBySense,
     GainError,
     WanderingZero,
     ZeroDrift,
@@ -179,6 +180,7 @@ TRUE = (0.6, -1.4)
 SHOWN: dict[type[Instrument], Pair] = {
     ZeroOffset: (5e-3, 5e-3),
     GainError: (0.01 * 0.6, 0.01 * -1.4),
+    GainBySense: (0.01 * 0.6 + 0.01 * 0.6, 0.01 * -1.4 + 0.01 * 1.4),
     Crosstalk: (0.01 * -1.4, 0.01 * 0.6),
     CrosstalkBySense: (0.01 * -1.4 + 0.01 * 1.4, 0.01 * 0.6 + 0.01 * 0.6),
 }
