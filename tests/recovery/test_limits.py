@@ -145,7 +145,7 @@ def test_what_a_blind_design_can_tell_it_still_tells(bench: BenchParameters) -> 
     found = diagnosed(measure(NATURE, once[~once.zero], rng, sun_gain=0.02)[0], bench, rng)
     assert found.verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     assert found.naming is not None
-    assert set(found.naming.shafts) == {"torque_gain_error"}
+    assert {fit.identifier for fit in found.naming.best.fits} == {"torque_gain_error"}
 
 
 def test_a_weak_mismatch_gives_a_set_and_no_name(bench: BenchParameters) -> None:

@@ -70,7 +70,7 @@ def action_sheet(
     """
     naming = diagnosis.naming
     named = tuple(
-        (fit.candidate.kind.component_on(fit.candidate.shaft), naming.shafts.get(fit.identifier, fit.candidate.shaft))
+        (fit.candidate.kind.component_on(fit.candidate.shaft), naming.place_in(each, fit))
         for each in _possible(diagnosis)
         for fit in each.fits
         if naming is not None

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Generic
 
 from pmg.pipeline.diagnosis.engine.adequacy import ORDINARY
+from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.naming import MOST_RIVALS
 from pmg.pipeline.diagnosis.engine.problem import F, P
@@ -114,11 +115,20 @@ def conclude(
         best, *others = naming.weak
         held = prove(best)
         if held is not None and held.rmse_after <= NOT_WORSE * held.rmse_before:
-            places = {fit.identifier: fit.place for fit in best.fits}
+            places = {fit.identifier: _place(problem, naming, fit) for fit in (f for e in naming.weak for f in e.fits)}
             named = replace(naming, best=best, rivals=tuple(others), shafts=places)
             named = _with_parts(problem, catalogue, named, held)
             return Conclusion(verdict=Verdict.AMBIGUOUS, naming=named, held_out=held, weak=True)
     return Conclusion(verdict=Verdict.NOT_IN_LIBRARY, naming=naming)
+
+
+def _place(problem: P, naming: Naming[F, P], fit: F) -> str:
+    """Place of a candidate, open where it explains as much in another one."""
+    if fit.identifier in naming.shafts:
+        return naming.shafts[fit.identifier]
+    twins = (f for f in naming.ranking if f.identifier == fit.identifier and f.place not in (fit.place, "both"))
+    level = any(problem.score(twin) > problem.score(fit) - MARGIN for twin in twins)
+    return "either" if level and fit.place != "both" else fit.place
 
 
 def _proved(naming: Naming[F, P], held: HeldOut) -> bool:

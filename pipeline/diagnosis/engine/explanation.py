@@ -153,14 +153,16 @@ def rivals_near(
 def _rivals(
     best: Explanation[F, P], near: list[Explanation[F, P]]
 ) -> tuple[tuple[Explanation[F, P], ...], dict[str, str]]:
-    """Rivals with other candidates, each set once; and the places of the best, open where a twin differs there only."""
+    """Rivals with other candidates, each set once; and the places of the best, and those that a twin leaves open."""
     shafts = {fit.identifier: fit.place for fit in best.fits}
     rivals: dict[frozenset[str], Explanation[F, P]] = {}
     for other in near:
-        if other.ids == best.ids:
-            for fit in other.fits:
-                if fit.place != shafts[fit.identifier] and "both" not in (fit.place, shafts[fit.identifier]):
-                    shafts[fit.identifier] = "either"
-        elif len(other.fits) <= len(best.fits) and not other.ids < best.ids:
-            rivals.setdefault(other.ids, other)
+        if other.ids != best.ids and (len(other.fits) > len(best.fits) or other.ids < best.ids):
+            continue
+        known = best if other.ids == best.ids else rivals.setdefault(other.ids, other)
+        places = {fit.identifier: fit.place for fit in known.fits}
+        for fit in other.fits:
+            open_to = {fit.place, places[fit.identifier]}
+            if len(open_to) > 1 and "both" not in open_to and (known is best or fit.identifier not in best.ids):
+                shafts[fit.identifier] = "either"
     return tuple(rivals.values()), shafts

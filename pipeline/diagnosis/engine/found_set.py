@@ -47,7 +47,7 @@ class Naming(Generic[F, P]):
     rivals : tuple of Explanation
         Sets of other candidates within the margin, best first.
     shafts : dict of str to str
-        Place of each named candidate; ``either`` where only the shaft cannot be determined.
+        Place of each named candidate; ``either`` where only the shaft cannot be determined, of rivals too.
     remainder : Remainder
         What the leading set leaves.
     explained : bool
@@ -100,6 +100,11 @@ class Naming(Generic[F, P]):
     def ranking(self) -> tuple[F, ...]:
         """All single candidates, best first."""
         return self.rounds[0].ranking
+
+    def place_in(self, explanation: Explanation[F, P], fit: F) -> str:
+        """Place of a candidate of the leading set or of a rival; ``either`` where it cannot be determined."""
+        known = self.shafts.get(fit.identifier, fit.place)
+        return known if explanation is self.best or known == "either" else fit.place
 
     def on_the_other_shaft(self, fit: F) -> F | None:
         """The same candidate in the other place, where which of the two it is cannot be determined."""

@@ -164,7 +164,7 @@ def _mechanisms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     for rival, weight in zip(diagnosis.rivals, weights[1:], strict=True):
         known = {row["id"] for row in rows}
         new = [fit for fit in rival.explanation.fits if fit.candidate.identifier not in known]
-        rows += [_mechanism(fit, fit.candidate.shaft, weight) for fit in new]
+        rows += [_mechanism(fit, naming.place_in(rival.explanation, fit), weight) for fit in new]
     return rows
 
 

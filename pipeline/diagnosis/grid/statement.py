@@ -122,12 +122,10 @@ def near(diagnosis: Diagnosis) -> str:
 
 def causes(diagnosis: Diagnosis, explanation: GridExplanation) -> str:
     """A set of mechanisms by their titles and shafts."""
-    naming = diagnosis.naming
-    shafts = naming.shafts if naming is not None and explanation is naming.best else {}
-    words = []
+    naming, words = diagnosis.naming, []
     for fit in explanation.fits:
-        title, shaft = fit.candidate.kind.title, shafts.get(fit.candidate.identifier, fit.candidate.shaft)
-        words.append(f"{uncapitalised(title)}{SHAFT_WORDS[shaft]}")
+        shaft = fit.place if naming is None else naming.place_in(explanation, fit)
+        words.append(f"{uncapitalised(fit.candidate.kind.title)}{SHAFT_WORDS[shaft]}")
     return " together with ".join(words)
 
 
