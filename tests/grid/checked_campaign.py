@@ -183,6 +183,16 @@ def _host(start: float, pace: float) -> Callable[[Runs], str]:
 
 NEUTRAL, ENGAGED = "03.mcap", "16.mcap"
 
+
+def _under_another_start(runs: Runs) -> str:
+    """The samples of a run once more, as of a run that began an hour later under another name."""
+    began = START + timedelta(hours=1)
+    told = dict(runs[NEUTRAL].run) | {"started_at": began.isoformat(), "point": "P99"}
+    host = (int(began.timestamp() * 1e9), runs[NEUTRAL].host[1])
+    runs["copied.mcap"] = replace(runs[NEUTRAL], run=told, host=host)
+    return "copied.mcap"
+
+
 FAULTS = (
     Fault("run marked as a zero check", "zero-check", _told("05.mcap", configuration="zero")),
     Fault("load held at half of its set-point", "load", _half_load),
@@ -202,6 +212,7 @@ FAULTS = (
     Fault("engaged run declared as neutral", "configuration", _told(ENGAGED, configuration="neutral")),
     Fault("driven by the other side than declared", "drive", _told(ENGAGED, drive="ring")),
     Fault("speed 0.3 % off its set-point", "speed", _changed(NEUTRAL, speed={"sun": 301.2, "ring": 300.9})),
+    Fault("samples of a run under another start", "same-samples", _under_another_start),
     Fault("half the declared sample rate", "sample-rate", _host(0.0, 2.0)),
     Fault("twice the declared sample rate", "sample-rate", _host(0.0, 0.5)),
     Fault("start ten years before its blocks", "start-time", _host(3.2e8, 1.0)),

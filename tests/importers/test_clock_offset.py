@@ -102,7 +102,7 @@ def test_a_clock_set_elsewhere_moves_the_offset_alone(shift: float, scale: float
     plain = offset_between((time, values), second)
     moved = offset_between((time + shift, scale * (values + level)), second)
     assert moved.offset - shift == pytest.approx(plain.offset, abs=0.02 * plain.offset_error + 1e-9)
-    assert moved.correlation == pytest.approx(plain.correlation, abs=1e-6)
+    assert moved.correlation == pytest.approx(plain.correlation, abs=2e-4)
 
 
 def test_drift_is_found_over_a_long_recording(rng: np.random.Generator) -> None:

@@ -127,6 +127,24 @@ def _off(transducer: Transducer, usual: tuple[float, float, float]) -> float:
     return float(np.max(np.abs(transducer.torque(zero + torque * span / nominal) - torque)))
 
 
+def samples_of_another_run(manifests: Sequence[Manifest], _: BenchParameters) -> Iterator[Contradiction]:
+    """Windows whose means are those of a window of another run to the last digit: noise never repeats itself."""
+    first: dict[tuple[float, ...], Row] = {}
+    for row in sorted(accepted_rows(manifests), key=lambda row: (row.manifest.started_at, row.manifest.identifier)):
+        means = row.window.means
+        numbers = [number for shaft in means for number in (shaft.torque, shaft.within, shaft.speed)]
+        if not np.isfinite(numbers).all() or not all(shaft.within > 0.0 for shaft in means):
+            continue
+        same = first.setdefault((means.n, *numbers), row)
+        if same.manifest.identifier != row.manifest.identifier:
+            message = (
+                f"torques, speeds and scatter are those of {same.manifest.file}: {same.window.point} to the last "
+                "digit; expected noise that differs from run to run: the same samples came under another name or start"
+            )
+            do = "Find out which run they are of; a copy is no repeat, and may be left out of the folder."
+            yield Contradiction(row, 0.0, 0.0, message, do)
+
+
 def versions_of_one_run(manifests: Sequence[Manifest], _: BenchParameters) -> Iterator[Contradiction]:
     """Recordings of one run, by its start and its point, whose torques differ: one of them was corrected.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from pmg.pipeline.grid.crosschecks.campaign_files import (
     calibrations_unlike_the_others,
     repeats_that_differ,
+    samples_of_another_run,
     simulated_among_measured,
     versions_of_one_run,
 )
@@ -68,6 +69,7 @@ CROSS_CHECKS: tuple[CrossCheck, ...] = (
     CrossCheck("simulated-data", _REJECT, "measured recordings of the campaign", simulated_among_measured),
     CrossCheck("calibration", _REJECT, "calibrations with the same serial number", calibrations_unlike_the_others),
     CrossCheck("versions", _REJECT, "the same run in another file", versions_of_one_run),
+    CrossCheck("same-samples", _REJECT, "means of all other runs, digit by digit", samples_of_another_run),
     CrossCheck("sample-rate", _REJECT, "times at which the host wrote the blocks", sample_rates_off_the_host),
     CrossCheck("start-time", _KEEP, "time at which the host wrote the first block", starts_off_the_host),
     CrossCheck("two-encodings", _REJECT, "the same torque as edges and as frequency", encodings_that_differ),
