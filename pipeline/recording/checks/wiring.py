@@ -97,12 +97,13 @@ def check_wiring(
     -----
     Encoders are held against the set-points, and engaged against the ratio of the stage, in which the shafts turn
     against each other. A torque is held against power: a shaft that is driven in neutral takes power in; engaged, the
-    driving side takes it in and the other gives it out. Swapped torques show only engaged, by the torque set-point.
+    driving side takes it in and the other gives it out. Swapped torques show only engaged, by the torque set-point, and
+    only where they fit the ratio of the gear better the other way: at a low load the drag is more than the difference.
     """
     reported: set[tuple[Code, str]] = set()
     ratio = bench.gear(run.gear).ratio if run.configuration is Configuration.ENGAGED else None
     for stretch in held:
-        for code, where, message in (*_encoders(stretch, ratio), *_torques(stretch, run, calibration)):
+        for code, where, message in (*_encoders(stretch, ratio), *_torques(stretch, run, calibration, ratio)):
             if (code, where) not in reported:
                 reported.add((code, where))
                 do = "Correct the wiring or the channel names in the recorder; pmg does not turn or swap channels."
@@ -142,7 +143,9 @@ def _encoders(stretch: HeldStretch, ratio: float | None) -> list[tuple[Code, str
     return found
 
 
-def _torques(stretch: HeldStretch, run: RunInfo, calibration: Calibration) -> list[tuple[Code, str, str]]:
+def _torques(
+    stretch: HeldStretch, run: RunInfo, calibration: Calibration, ratio: float | None
+) -> list[tuple[Code, str, str]]:
     torque, speed = stretch.torque, stretch.speed
     nominal = {side: calibration[side].nominal_torque for side in SIDES}
     if run.configuration is Configuration.NEUTRAL:
@@ -154,7 +157,9 @@ def _torques(stretch: HeldStretch, run: RunInfo, calibration: Calibration) -> li
         goal = stretch.setpoints.torque_ring
         if goal is not None and min(abs(torque["sun"]), abs(torque["ring"])) > least * nominal["sun"]:
             missed = {side: abs(abs(torque[side]) - abs(goal)) / max(abs(goal), 1e-9) for side in SIDES}
-            if missed["sun"] < LOAD_TOLERANCE and missed["ring"] > LOAD_MISSED:
+            sun, ring = abs(torque["sun"]), abs(torque["ring"])
+            likelier = ratio is None or abs(ring - sun / ratio) < abs(sun - ring / ratio)
+            if missed["sun"] < LOAD_TOLERANCE and missed["ring"] > LOAD_MISSED and likelier:
                 came = f"sun {torque['sun']:.3f} N m, ring {torque['ring']:.3f} N m"
                 return [(Code.CHANNEL_SWAPPED, "/daq/torque_sun", f"{came}; expected {goal:g} N m on the ring")]
     else:
