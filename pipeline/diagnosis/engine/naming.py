@@ -43,6 +43,9 @@ PASSES = 3
 FEWEST, MOST_RIVALS = 1, 4
 """Rivals of a faint explanation that are listed at least, and of any at most."""
 
+RULED_OUT = 28.0
+"""Evidence by which a rival falls short that is not listed however faint all is: odds of a million to one."""
+
 
 def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_of: AdequacyTest) -> Naming[F, P]:
     """Search the catalogue: single candidates, then pairs and threes while something is left.
@@ -139,7 +142,7 @@ def _weak(
     first: dict[frozenset[str], Explanation[F, P]] = {}
     for other in others:
         first.setdefault(other.ids, other)
-    distinct = [e for ids, e in first.items() if ids != leader.ids]
+    distinct = [e for ids, e in first.items() if ids != leader.ids and e.score > leader.score - RULED_OUT]
     near = [e for e in distinct if e.score > leader.score - MARGIN]
     fewest = FEWEST if leader.gain < min(FAINT, below) else 0
     return (leader, *(near or distinct[:fewest])[:MOST_RIVALS])

@@ -6,6 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.wording import numerals
+from pmg.sim.signals import RPM
+
 if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
@@ -15,6 +18,9 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 LABEL = "shape, not physics"
+
+_SHOWN = {"N m": (1e3, "mN m"), "rad/s": (1.0 / RPM, "rpm")}
+"""Factor and unit by which constants are told."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +98,18 @@ class Shape:
     located: Array
     fitted: Array
     label: str = LABEL
+
+
+def constants_in_words(shape: Shape) -> str:
+    """Constants of a form with their standard uncertainty, torques in mN m and speeds in rpm, one after the other."""
+    words = []
+    for each in shape.constants:
+        factor, unit = _SHOWN.get(each.unit, (1.0, each.unit))
+        value = factor * each.value
+        known = each.standard_error is not None and math.isfinite(each.standard_error)
+        number = numerals.measured(value, factor * float(each.standard_error or 0.0)) if known else f"{value:.3g}"
+        words.append(f"{each.name} = {number}{f' {unit}' if unit != '1' else ''}")
+    return ", ".join(words)
 
 
 def shape_document(shape: Shape) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.form.shape import constants_in_words
 from pmg.pipeline.diagnosis.grid.covariate_words import covariate_words
 from pmg.pipeline.diagnosis.grid.law_words import form_sentences
 from pmg.pipeline.diagnosis.grid.remedy import advice, best_test, lifting, words_of_test
@@ -222,7 +223,8 @@ def _shape_sentence(diagnosis: Diagnosis) -> str:
     if shape is None:
         return "No short formula predicts data not used for the fit."
     names = ", ".join(f"{c.symbol} {c.meaning}" for c in shape.covariates)
-    return f"An empirical formula describes it ({shape.label}): {shape.text}{f', with {names}' if names else ''}."
+    told = f"{shape.text}, with {', '.join(filter(None, (names, constants_in_words(shape))))}"
+    return f"An empirical formula describes it ({shape.label}): {told}."
 
 
 NEAREST_FROM = 0.2
