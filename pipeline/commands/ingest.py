@@ -140,7 +140,7 @@ def run_ingest(
     return Outcome(
         data,
         tuple(lines),
-        findings + judged + copies + contradictions + tuple(point.finding() for point in missing_points),
+        findings + contradictions + judged + copies + tuple(point.finding() for point in missing_points),
         partial=bool(report.failed or report.rejected or report.set_aside or missing or lost),
     )
 

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from pmg.sim.errors import BenchError, near_miss
 from pmg.sim.signals import REVOLUTION, RPM
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 MILLI = 1e-3
 """SI value of a thousandth."""
@@ -107,3 +111,23 @@ def displayed(unit: str, *, share: bool) -> tuple[float, str]:
     if unit != "1":
         return 1.0, f" {unit}"
     return (100.0, " %") if share else (1.0, "")
+
+
+def misread(factor: float, units: Mapping[str, float], meant: str, within: float) -> str:
+    """Which unit taken for another one makes readings so many times too large; empty where none is near.
+
+    Parameters
+    ----------
+    factor : float
+        Reading over truth.
+    units : mapping of str to float
+        Units of the quantity, and what one of each is in SI.
+    meant : str
+        The one that is stated, or that the truth is in.
+    within : float
+        Part by which the factor may be off that of two units.
+    """
+    pairs = [(one, meant) for one in units if one != meant] + [(meant, one) for one in units if one != meant]
+    off = {pair: abs(factor * units[pair[0]] / units[pair[1]] - 1.0) for pair in pairs}
+    nearest = min(off, key=lambda pair: off[pair])
+    return f"as if {nearest[0]} were read as {nearest[1]}" if off[nearest] < within else ""

@@ -319,3 +319,39 @@ def _without_spikes(manifest: Manifest) -> Manifest:
         for side in ("sun", "ring"):
             window["means"][side].pop("spikes")
     return manifest_of(manifest.identifier, document)
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (9.5493, "which look as if rad/s were read as rpm"),
+        (1.0 / 6.0, "which look as if deg/s were read as rpm"),
+        (1.3, None),
+    ],
+)
+def test_set_speeds_in_another_unit_are_told_though_every_window_is_off(
+    factor: float, words: str | None, checked: Check
+) -> None:
+    def asked(one: Bench) -> dict[str, str | None]:
+        told = {key: one.run[key] for key in ("sun_speed_set_rpm", "ring_speed_set_rpm")}
+        return dict(one.run) | {key: f"{float(value or 'nan') / factor:.6f}" for key, value in told.items()}
+
+    runs = {name: replace(one, run=asked(one)) for name, one in sound().items()}
+    found = [finding.message for finding in checked(runs).findings if finding.where == "campaign"]
+    assert [str(words) in message for message in found] == ([True] if words else [])
+
+
+@pytest.mark.parametrize(
+    ("factor", "read", "asked"),
+    [
+        (0.10197, "as if kgf m were read as N m", "as if N m were read as kgf m"),
+        (1e-3, "as if kN m were read as N m", "as if mN m were read as N m"),
+    ],
+)
+def test_loads_in_another_unit_are_told_with_it(factor: float, read: str, asked: str, checked: Check) -> None:
+    runs = sound()
+    for name, one in runs.items():
+        runs[name] = replace(one, torque={side: factor * torque for side, torque in one.torque.items()})
+    told = [finding.message for finding in checked(runs).findings if finding.check == "load" and finding.settle]
+    assert len(told) == 1
+    assert f"{read}, or the set-points {asked}" in told[0]

@@ -14,9 +14,10 @@ from pmg.pipeline.grid.crosschecks.contradiction import (
     robust_scale,
 )
 from pmg.pipeline.windows.steadiness import REST_SPEED
+from pmg.pipeline.wording.units import IMPERIAL_TORQUE, SPEED, TORQUE, misread
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES
-from pmg.sim.signals import RPM
+from pmg.sim.signals import REVOLUTION, RPM
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -35,6 +36,8 @@ SPREAD_OF_NOMINAL, SPREAD_OF_SET = 0.01, 0.05
 """And how far a load may be off what the others say in any case."""
 SCALE_LIMIT = 1e-3
 """How far a speed may be off, as part of its set-point, beyond what the campaign's other speeds are."""
+OF_UNIT, SAME_UNIT = 0.12, 0.02
+"""Part by which loads, which hold some drag, and speeds may be off the factor between two units that explains them."""
 SLOWEST = 50.0 * RPM
 """Set speed below which a part of it says nothing [rad/s]."""
 
@@ -87,11 +90,18 @@ def loads_off_set_point(manifests: Sequence[Manifest], bench: BenchParameters) -
     widest = LOAD_OF_NOMINAL * float(bench.transducer_ring.nominal_torque) + LOAD_OF_SET * np.abs(asked)
     expected, limit, gain = _usual_loads(asked, speed, off, widest, bench)
     if abs(gain) > LOAD_OF_SET:
-        message = (
-            f"the loads of the campaign are {1.0 + gain:.2f} times their set-points, limit 1 +- {LOAD_OF_SET:g}; a "
-            "gain of the load control, or of the ring's transducer, explains it"
+        units = TORQUE | IMPERIAL_TORQUE
+        read, asked_for = (
+            misread((1.0 + gain) ** sign, units, "N m", OF_UNIT) if gain > -1.0 else "" for sign in (1, -1)
         )
-        yield Contradiction(None, abs(gain), LOAD_OF_SET, message, "Check span and nominal torque of the calibration.")
+        message = (
+            f"the loads of the campaign are {1.0 + gain:.3g} times their set-points, limit 1 +- {LOAD_OF_SET:g}; a "
+            f"gain of the load control, or of the ring's transducer, explains it"
+        )
+        if read:
+            message += f": {read}, or the set-points {asked_for}"
+        do = "Check span, nominal torque and unit of the calibration, and the unit of the set-points."
+        yield Contradiction(None, abs(gain), LOAD_OF_SET, message, do)
     for row, set_to, reading, distance, most in zip(rows, asked, asked + off, off - expected, limit, strict=True):
         if abs(distance) > most:
             usual = "" if not expected.any() else ", drag and gain of the campaign's other loads allowed for"
@@ -121,8 +131,24 @@ def _usual_loads(
     return expected, np.minimum(limit, np.maximum(widest, least)), float(found[1])
 
 
+def _unit_of_speeds(manifests: Sequence[Manifest]) -> Iterator[Contradiction]:
+    """Speeds that are all as many times their set-points as one unit is of another, though each was rejected for it."""
+    times = []
+    for window in (window for manifest in manifests for window in manifest.windows):
+        for side in SIDES:
+            asked, found = getattr(window.setpoints, f"speed_{side}"), window.means[side].speed
+            if asked and np.isfinite(found) and abs(found) > SLOWEST:
+                times.append(abs(found / asked))
+    usual = float(np.median(times)) if len(times) >= FEWEST else 1.0
+    unit = misread(1.0 / usual, SPEED | {"1/s": REVOLUTION}, "rpm", SAME_UNIT)
+    if unit and robust_scale(np.array(times)) < SAME_UNIT * usual:
+        message = f"the speeds of the campaign are {usual:.4g} times their set-points, which look {unit}"
+        yield Contradiction(None, usual, 1.0, message, "Correct the unit of the set-points in the runs' metadata.")
+
+
 def speeds_off_the_others(manifests: Sequence[Manifest], _: BenchParameters) -> Iterator[Contradiction]:
     """Speeds off their set-points by another part than those of the campaign: a wrong sample rate or encoder."""
+    yield from _unit_of_speeds(manifests)
     for side in SIDES:
         rows: list[Row] = []
         parts: list[float] = []
