@@ -157,8 +157,9 @@ def torque_change(diagnosis: Diagnosis, fit: CandidateFit) -> tuple[str, str, st
     )
 
 
-MOSTLY_TAKEN_UP = 3.0
-"""Largest torque of a mechanism over what the fitted losses leave of it, from which on both are reported."""
+MOSTLY_TAKEN_UP, KNOWN_WELL = 3.0, 0.3
+"""Largest torque of a mechanism over what the fitted losses leave of it, from which on both are reported, and relative
+standard error below which its first size is told, whatever else is known better."""
 
 
 def taken_up(diagnosis: Diagnosis, fit: CandidateFit) -> str:
@@ -204,10 +205,9 @@ def fitted(diagnosis: Diagnosis, i: int) -> str:
 
 
 def _surest(values: Array, errors: Array, sizes: int) -> int:
-    """The size that is known best, by its standard error over its value; the first where none has one."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = np.abs(errors[:sizes] / values[:sizes])
-    return int(np.argmin(np.where(np.isfinite(relative), relative, np.inf)))
+    """The first size where it is known well, else that which is known best, by its standard error over its value."""
+    relative = np.nan_to_num(np.abs(errors[:sizes] / np.where(values[:sizes], values[:sizes], np.nan)), nan=np.inf)
+    return 0 if relative[0] < KNOWN_WELL else int(np.argmin(relative))
 
 
 def beyond(mismatch: CampaignMismatch, p_value: str = "") -> str:
