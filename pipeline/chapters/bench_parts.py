@@ -15,6 +15,12 @@ if TYPE_CHECKING:
 SHEET = "`pmg next --store STORE --out DIR`"
 """Command that writes the sheet of the next test."""
 
+UNSETTLED = "The recordings contradict themselves (see the warning): until that is settled, this verdict does not hold."
+"""How sure a verdict is beside a contradiction of the campaign as a whole."""
+
+UNSETTLED_COST = "What is contradicted goes into every number of this report."
+"""What such a contradiction costs where nothing else is wrong."""
+
 GROUNDS = "diagnosis"
 """Section of a report that holds the grounds of its verdict."""
 

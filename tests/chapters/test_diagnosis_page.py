@@ -439,6 +439,7 @@ def test_a_campaign_that_contradicts_itself_is_settled_first(judged: ComparedCam
         plain, said = (answers_of(diagnosis, residual, each) for each in ((), do))
         assert said["On the bench"].startswith("First: check the counts per turn. Check both cables.")
         assert (plain["On the bench"] in said["On the bench"]) == (diagnosis.verdict is not Verdict.CONSISTENT)
-        assert said["How sure"].startswith("Not before it is settled")
+        assert said["How sure"].startswith("The recordings contradict themselves")
+        assert ("every number" in said["If ignored"]) == (diagnosis.verdict is Verdict.CONSISTENT)
         assert ("simulated cases" in plain["How sure"]) == (diagnosis.verdict is not Verdict.CONSISTENT)
         assert "simulated cases" not in said["How sure"]

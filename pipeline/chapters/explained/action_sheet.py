@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.bench_parts import GROUNDS, SHEET, bench_parts, part_words
+from pmg.pipeline.chapters.bench_parts import GROUNDS, SHEET, UNSETTLED, UNSETTLED_COST, bench_parts, part_words
 from pmg.pipeline.chapters.explained.before_after import before_and_after
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.diagnosis import possible_components
@@ -45,9 +45,6 @@ if TYPE_CHECKING:
 
 NOTHING = "Nothing."
 """What to do on a bench that agrees with its model."""
-
-UNSETTLED = "Not before it is settled what the recordings contradict (see the warning): that may be the cause."
-"""How sure a verdict is beside a contradiction of the campaign as a whole."""
 
 
 def action_sheet(
@@ -127,7 +124,7 @@ def _answers(
     if cost := tuple(
         _cost(diagnosis, residual, as_read) if diagnosis.refit is not None else _cost_of_places(diagnosis)
     ):
-        yield SheetAnswer("If ignored", cost)
+        yield SheetAnswer("If ignored", (UNSETTLED_COST,) if unsettled and action == NOTHING else cost)
 
 
 def _difference(diagnosis: Diagnosis) -> Iterator[str]:
