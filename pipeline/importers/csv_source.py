@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
+from pmg.pipeline.importers.clocks.text_clock import CLOCK_EXPECTED, TextClock, clock_of
 from pmg.pipeline.importers.csv_dialect import MISSING, CsvForm, CsvHead, cells_of, holds_row, read_head
 from pmg.pipeline.importers.source import ROWS, Block, SourceChannel, Wanted, channel_of
 from pmg.pipeline.recording.findings import Code
@@ -54,12 +55,25 @@ class CsvSource:
     started_at: datetime | None = None
     head: CsvHead = field(init=False)
     _bad: int = field(default=0, init=False)
+    _clocks: dict[int, TextClock] = field(init=False)
 
     def __post_init__(self) -> None:
         self.reader = f"polars {version('polars')}"
         self.head = read_head(self.path, self.form)
         self.properties, self.reading = dict(self.head.properties), self.head.reading()
-        self.channels = tuple(SourceChannel(*pair) for pair in zip(self.head.names, self.head.units, strict=True))
+        self._clocks = dict(self._clocks_of_first_row())
+        self.started_at = next((clock.began for clock in self._clocks.values() if clock.began is not None), None)
+        units = ["s" if n in self._clocks else unit for n, unit in enumerate(self.head.units)]
+        self.channels = tuple(SourceChannel(*pair) for pair in zip(self.head.names, units, strict=True))
+
+    def _clocks_of_first_row(self) -> Iterator[tuple[int, TextClock]]:
+        """Columns whose first cell is a time of day, with a date or without."""
+        with self.path.open(encoding=self.head.encoding, errors="replace", newline=None) as stream:
+            lines = islice(stream, self.head.data_line - 1, None)
+            first = (n for n in lines if holds_row(n, self.form.comment, self.head.delimiter, len(self.head.names)))
+            for n, cell in enumerate(cells_of(next(first, ""), self.head.delimiter)):
+                if (clock := clock_of(cell)) is not None:
+                    yield n, clock
 
     def blocks(self, wanted: Sequence[Wanted]) -> Iterator[Block]:
         """The wanted columns, at most `ROWS` rows at a time.
@@ -73,6 +87,8 @@ class CsvSource:
             if want.columns > 1:
                 came, do = f"columns = {want.columns}", "Name the column by its own name."
                 raise RecordingError(f"{self.path.name}: {want.name}", came, "one value in each cell", do)
+        for clock in self._clocks.values():
+            clock.restart()
         where = f"{self.path.name}: column"
         at = {want: self.head.names.index(channel_of(self, want.name, where).name) for want in wanted}
         with self.path.open(encoding=self.head.encoding, errors="replace", newline=None) as stream:
@@ -120,7 +136,7 @@ class CsvSource:
         if self.head.decimal == "," and "." in text:
             return None
         wanted, last = set(at), len(self.head.names) - 1
-        schema = {str(n): pl.Float64 if n in wanted else pl.String for n in range(last + 1)}
+        schema = {str(n): pl.Float64 if n in wanted - set(self._clocks) else pl.String for n in range(last + 1)}
         columns = sorted({*at, last})
         try:
             frame = pl.read_csv(
@@ -132,7 +148,10 @@ class CsvSource:
                 null_values=list(MISSING),
                 decimal_comma=self.head.decimal == ",",
             )
-        except pl.exceptions.PolarsError:
+            for n in wanted & set(self._clocks):
+                times = [self._number(cell or "", n) for cell in frame[str(n)]]
+                frame = frame.with_columns(pl.Series(str(n), times, dtype=pl.Float64))
+        except (pl.exceptions.PolarsError, ValueError):
             return None
         return frame.with_columns(pl.col(str(last)).alias(f"{last}#end")) if frame.height == text.count("\n") else None
 
@@ -148,19 +167,22 @@ class CsvSource:
             faults = []
             for want, n in at.items():
                 try:
-                    columns[want][row] = self._number(cells[n])
+                    columns[want][row] = self._number(cells[n], n)
                 except ValueError:
                     faults.append((f"column '{want.name}'", f"'{cells[n][:40]}'"))
             if faults:
-                expected = f"a number with decimal sign '{self.head.decimal}'"
+                clocks = [n for want, n in at.items() if n in self._clocks and f"column '{want.name}'" == faults[0][0]]
+                expected = CLOCK_EXPECTED if clocks else f"a number with decimal sign '{self.head.decimal}'"
                 self._bad_row(int(places[row]), faults, expected, "The cell is left out", "1 value")
         return Block(places, columns)
 
-    def _number(self, cell: str) -> float:
-        """The number in a cell; NaN for an empty one, ValueError where it holds something else."""
+    def _number(self, cell: str, column: int) -> float:
+        """The number in a cell of a column; NaN for an empty one, ValueError where it holds something else."""
         plain = cell.strip()
         if plain in MISSING:
             return np.nan
+        if column in self._clocks:
+            return self._clocks[column].seconds(plain)
         if ("." if self.head.decimal == "," else ",") in plain or "_" in plain:
             raise ValueError(plain)
         return float(plain.replace(",", "."))

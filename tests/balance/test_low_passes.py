@@ -134,11 +134,11 @@ def test_what_another_low_pass_says_is_told_and_warned_of_where_it_contradicts()
     assert sentence.startswith("It hangs on the low-pass of 20 Hz: at 10 Hz the search names delay, which does not")
     assert "at 40 Hz the search says the same" in remarks[0].message
     sentence, remarks = told(Verdict.NOT_IN_LIBRARY, at(10.0, friction), at(40.0, resonance, explained=False))
-    assert sentence == "Another low-pass: at 10 Hz Coulomb may explain it; at 40 Hz the search says the same."
+    assert sentence == "Another low-pass: at 10 Hz Coulomb may explain it; at 40 Hz the cause stays open as well."
     (remark,) = remarks
     assert remark.message.startswith("At 10 Hz Coulomb may explain it; that is not proved. Run again with low_pass_Hz")
     sentence, remarks = told(Verdict.NOT_IN_LIBRARY, replace(at(10.0, friction), impossible=True))
-    assert sentence == "With a low-pass of 10 Hz the search says the same."
+    assert sentence == "With a low-pass of 10 Hz the cause stays open as well."
     assert not remarks
     sentence, remarks = told(Verdict.CONSISTENT, at(10.0, p_value=0.4), at(40.0, friction))
     assert sentence == "Another low-pass: at 10 Hz the search says the same; at 40 Hz a mismatch is seen."

@@ -22,6 +22,9 @@ NOT_NOTHING = 2.0
 SAME = "the search says the same"
 """Said of a low-pass with which nothing changes."""
 
+OPEN = "the cause stays open as well"
+"""Said of one with which nothing is named either, whatever comes nearest."""
+
 
 def said_with(d: TermsDiagnosis, tried: LowPassTried) -> str:
     """What the search says with another low-pass, against what is told: `SAME`, or how it differs."""
@@ -48,7 +51,7 @@ def _said_of_open(d: TermsDiagnosis, tried: LowPassTried) -> str:
     """The same where nothing is named."""
     if d.impossible:
         return f"the search names {_titles(tried.fits)}"
-    return f"{_titles(tried.fits)} may explain it" if _may_explain(d, tried) else SAME
+    return f"{_titles(tried.fits)} may explain it" if _may_explain(d, tried) else OPEN
 
 
 def _titles(fits: Iterable[TermFit]) -> str:
@@ -88,8 +91,9 @@ def low_pass_sentence(d: TermsDiagnosis) -> str:
     if not d.low_passes:
         return ""
     told = [(f"{each.low_pass_hz:g} Hz", said_with(d, each)) for each in d.low_passes]
-    if all(said == SAME for _, said in told):
-        return f"With a low-pass of {' or '.join(at for at, _ in told)} {SAME}."
+    for alike in (SAME, OPEN):
+        if all(said == alike for _, said in told):
+            return f"With a low-pass of {' or '.join(at for at, _ in told)} {alike}."
     others = "; ".join(f"at {at} {said}" for at, said in told)
     if _hangs(d):
         return f"It hangs on the low-pass of {d.case.prepare.low_pass_hz:g} Hz: {others}."
