@@ -341,6 +341,12 @@ def test_a_mass_below_zero_stops_naming_and_is_told_first(tmp_path: Path) -> Non
     assert turned.verdict is Verdict.NOT_IN_LIBRARY, "nothing is missing, and yet no machine is like that"
     assert headline(turned).startswith("No machine has viscous friction of -150")
     assert headline(turned).count("check sign") == 1
+    (dry,) = (e for e in turned.steps[-1].fitted.estimates if e.term == "coulomb")
+    alone = replace(turned, impossible=(dry,))
+    assert "seldom ran" not in headline(alone), "it ran at any speed"
+    motion = turned.recorded.motion
+    quick = replace(turned.recorded, motion=replace(motion, speed=2.0 + np.abs(motion.speed)))
+    assert "the machine seldom ran below 2" in headline(replace(alone, recorded=quick))
     assert found.verdict is Verdict.NOT_IN_LIBRARY
     assert headline(found).startswith("No machine has inertia of -80")
     assert "check sign, unit and filter" in headline(found)

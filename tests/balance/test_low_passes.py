@@ -86,6 +86,7 @@ def test_a_cause_that_every_low_pass_names_is_told_so(tmp_path: Path) -> None:
     assert "Other low-passes" in page
 
 
+@slow
 def test_ringing_that_twice_the_low_pass_lets_in_changes_nothing_of_what_is_named(tmp_path: Path) -> None:
     done = run(tmp_path, ringing)
     assert not warned(done)

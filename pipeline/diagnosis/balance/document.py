@@ -6,6 +6,8 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pmg.pipeline.diagnosis.balance.errors_told import errors_sentence, percent
 from pmg.pipeline.diagnosis.balance.estimate import impossible_in
 from pmg.pipeline.diagnosis.balance.records.zero import zero_lines
@@ -169,6 +171,14 @@ def _contest(contest: Contest, unit: str) -> dict[str, Any]:
     }
 
 
+SELDOM, NEVER_SLOW = 0.01, 0.1
+"""Part of the time in which a machine is slower than it seldom is, and part of its largest speed from which on its
+friction at standstill is not seen, but follows from the form of the drag."""
+
+COULOMB = "coulomb"
+"""Friction that a machine has at any speed."""
+
+
 def headline(diagnosis: TermsDiagnosis) -> str:
     """The verdict in one or two sentences."""
     named = [titled(step.fitted.fits[-1].candidate) for step in diagnosis.steps[1:]]
@@ -210,6 +220,13 @@ def _impossible(diagnosis: TermsDiagnosis) -> Iterator[str]:
     values = (f"{title_of(diagnosis, e.term)} of {with_error(e)}" for e in diagnosis.impossible)
     if told := " and ".join(values):
         yield f"No machine has {told}: check sign, unit and filter of the channels."
+    speed = np.abs(diagnosis.recorded.motion.speed)
+    slowest, unit = float(np.quantile(speed, SELDOM)), diagnosis.case.axis.speed
+    if [e.term for e in diagnosis.impossible] == [COULOMB] and slowest > NEVER_SLOW * float(speed.max()):
+        yield (
+            f"Or that is no friction: the machine seldom ran below {slowest:.3g} {unit}, and this is where the drag at "
+            "higher speeds would meet standstill. Record slower speeds, or a coast-down."
+        )
 
 
 def _why_dropped(diagnosis: TermsDiagnosis, step: ModelStep) -> str:
