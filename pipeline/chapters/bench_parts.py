@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SHEET = "`pmg next --store STORE --out DIR`"
 """Command that writes the sheet of the next test."""
 
-UNSETTLED = "The recordings contradict themselves (see the warning): until that is settled, this verdict does not hold."
+UNSETTLED = "The recordings contradict themselves (see the warning): until that is settled, this verdict may not hold."
 """How sure a verdict is beside a contradiction of the campaign as a whole."""
 
 UNSETTLED_COST = "What is contradicted goes into every number of this report."

@@ -108,3 +108,12 @@ def test_rows_with_a_bad_time_may_be_gaps(tmp_path: Path) -> None:
     time, force = values(found, "Uhrzeit", "F")
     np.testing.assert_allclose(time, [0.0, np.nan, 2.0], atol=1e-9)
     assert force == [1.5, 2.5, 3.5]
+
+
+def test_a_row_without_its_time_is_told_where_the_time_stands_last(tmp_path: Path) -> None:
+    found = source(tmp_path, "F [N];Uhrzeit\n1,5;14:03:00,000\n2,5\n3,5;14:03:02,000\n", bad_rows=1)
+    _, time = values(found, "F", "Uhrzeit")
+    np.testing.assert_allclose(time, [0.0, np.nan, 2.0], atol=1e-9)
+    (told,) = found.findings.listed()
+    assert told.where.startswith("line 3")
+    assert "1 cell; expected 2 cells" in told.message
