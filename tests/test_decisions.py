@@ -29,7 +29,6 @@ from pmg.pipeline.diagnosis.engine.found_set import Naming
 from pmg.pipeline.diagnosis.engine.mismatch import search
 from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem
 from pmg.pipeline.diagnosis.engine.scan import ABSORBED, Scan, make_scan
-from pmg.pipeline.diagnosis.grid.evidence import both_shafts
 from pmg.pipeline.diagnosis.residuals.covariates import COVARIATES, looks, untested
 from pmg.pipeline.fit.analysis import _far_off, _surprises
 from pmg.pipeline.fit.calibration import start_model
@@ -101,7 +100,7 @@ def fits_of(grid: Grid) -> LossFits:
 
 def scan_beside(readings: Readings, baseline: Array, families: list[Array]) -> Scan:
     contrasts = repeat_contrasts(readings)
-    groups = both_shafts(readings)
+    groups = tuple(readings.of_shaft)
     none = np.zeros((len(readings), 0))
     return make_scan(Evidence(none, none, families, groups, none, (contrasts, none), single_rows=True), baseline)
 

@@ -16,7 +16,7 @@ SHEET = "`pmg next --store STORE --out DIR`"
 """Command that writes the sheet of the next test."""
 
 UNSETTLED = "The recordings contradict themselves (see the warning): until that is settled, this verdict may not hold."
-"""How sure a verdict is beside a contradiction of the campaign as a whole."""
+"""What is said of a verdict while the recordings of the campaign contradict each other."""
 
 UNSETTLED_COST = "What is contradicted goes into every number of this report."
 """What such a contradiction costs where nothing else is wrong."""

@@ -119,7 +119,7 @@ def diagnose_campaign(
     known = carried.slopes if carried is not None and carried.here.parts else None
     diagnosis = diagnose(left.grid, left.fits, left.floor, left.calibration, bench, rng, known)
     audit = audit_design(left.grid, bench, left.calibration.model, left.floor)
-    diagnosis = replace(diagnosis, audit=audit, outliers=(*left.aside, *diagnosis.outliers))
+    diagnosis = replace(diagnosis, audit=audit, outliers=(*left.outliers, *diagnosis.outliers))
     if carried is None:
         model = shown = model_of(grid, analysis.calibration, diagnosis)
     else:

@@ -19,7 +19,7 @@ from pmg.pipeline.fit.noise import NoiseFloor
 from pmg.pipeline.fit.noise_floor import noise_floor, structured_columns
 from pmg.pipeline.fit.plane_fit import PlaneFits, plane_fits
 from pmg.pipeline.fit.robust import studentised
-from pmg.pipeline.fit.span import orthonormal
+from pmg.pipeline.fit.span import freed
 from pmg.pipeline.fit.term_choice import TermChoice, choose_terms
 from pmg.pipeline.fit.whitening import floor_scale, with_floor
 from pmg.pipeline.grid.completeness import holes
@@ -100,7 +100,7 @@ class Analysis:
     causes: CommonErrorSources | None = None
 
     @property
-    def aside(self) -> tuple[str, ...]:
+    def outliers(self) -> tuple[str, ...]:
         """Points that are not accepted because they stand out by themselves, as their reason says."""
         rows = [row for row, why in enumerate(self.grid.reason.tolist()) if why.endswith(STANDS_OUT)]
         return tuple(map(str, self.grid.points.name[rows]))
@@ -108,7 +108,7 @@ class Analysis:
     @property
     def complete(self) -> bool:
         """Whether every step was made and no grid has a hole."""
-        every = self.grid.accepted | np.isin(self.grid.points.name, self.aside)
+        every = self.grid.accepted | np.isin(self.grid.points.name, self.outliers)
         return not self.missing and not self.lacking and bool(every.all())
 
 
@@ -198,12 +198,12 @@ def _without_far_readings(rough: _Rough, options: AnalysisOptions, bench: BenchP
 
     A single reading far from all others is a bad reading, not physics: it takes no part in any fit, and is reported.
     """
-    every, aside = rough, 0
+    every, outliers = rough, 0
     while (far := _far_off(rough.grid, rough.fits, rough.floor, bench)) is not None:
         row, shaft, off = far
-        if aside >= MOST_OUTLIERS * len(rough.grid):
+        if outliers >= MOST_OUTLIERS * len(rough.grid):
             return every
-        aside += 1
+        outliers += 1
         accepted, reasons = rough.grid.accepted.copy(), rough.grid.reason.tolist()
         accepted[row] = False
         reasons[row] = "; ".join(filter(None, (reasons[row], f"{shaft} torque {off:+.3f} N m {STANDS_OUT}")))
@@ -230,12 +230,11 @@ def _surprises(readings: Readings, bench: BenchParameters, model: LossModel, flo
     Shaft by shaft; 1 where the structures leave a reading too little room to be judged.
     """
     scale = floor_scale(readings, bench, floor)
-    basis = orthonormal(structured_columns(readings, bench, model) / scale[:, None])
     y = (readings.torque - predict(readings, bench, model)) / scale
+    basis, left = freed(structured_columns(readings, bench, model) / scale[:, None], y)
     room = 1.0 - np.einsum("ij,ij->i", basis, basis)
-    left = y - basis @ (basis.T @ y)
     found, off = np.ones(len(readings)), np.zeros(len(readings))
-    for mine in (readings.sun, ~readings.sun):
+    for mine in readings.of_shaft:
         rows, surprise, dof = studentised(left, room, mine)
         found[rows] = 2.0 * stats.t.sf(np.abs(surprise), dof)
         off[rows] = (left * scale)[rows] / room[rows]

@@ -29,6 +29,12 @@ def orthonormal(columns: Array, tolerance: float = 1e-6) -> Array:
     return basis
 
 
+def freed(columns: Array, y: Array) -> tuple[Array, Array]:
+    """Orthonormal basis of columns (m, k), and what they leave of rows (m,)."""
+    basis = orthonormal(columns)
+    return basis, y - basis @ (basis.T @ y)
+
+
 def taken_out(columns: Array, values: Array, tolerance: float = 1e-6) -> tuple[Array, int]:
     """What columns (m, k) leave of values (m,), and how many directions they span.
 

@@ -164,15 +164,15 @@ class CsvSource:
                 came, expected = counted(len(cells), "cell"), counted(len(self.head.names), "cell")
                 self._bad_row(int(places[row]), [("the row", came)], expected, "The row is left out", "1 row")
                 continue
-            faults = []
+            faults, expected = [], ""
             for want, n in at.items():
                 try:
                     columns[want][row] = self._number(cells[n], n)
                 except ValueError:
                     faults.append((f"column '{want.name}'", f"'{cells[n][:40]}'"))
+                    number = f"a number with decimal sign '{self.head.decimal}'"
+                    expected = expected or (CLOCK_EXPECTED if n in self._clocks else number)
             if faults:
-                clocks = [n for want, n in at.items() if n in self._clocks and f"column '{want.name}'" == faults[0][0]]
-                expected = CLOCK_EXPECTED if clocks else f"a number with decimal sign '{self.head.decimal}'"
                 self._bad_row(int(places[row]), faults, expected, "The cell is left out", "1 value")
         return Block(places, columns)
 

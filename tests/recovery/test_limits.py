@@ -74,7 +74,7 @@ def test_two_bad_readings_are_set_aside_together(bench: BenchParameters) -> None
     torque[rows] += 0.02
     bad = replace(grid, torque_sun=torque)
     analysis, sound = analysed(bad, bench), analysed(grid, bench)
-    assert set(analysis.aside) == set(grid.points.name[rows])
+    assert set(analysis.outliers) == set(grid.points.name[rows])
     assert analysis.complete == sound.complete
     assert set(np.flatnonzero(analysis.grid.accepted != grid.accepted)) == set(rows)
     for row in rows:
@@ -95,7 +95,7 @@ def test_readings_far_off_are_no_accident_where_they_are_many(bench: BenchParame
     rows = np.flatnonzero(grid.points.engaged & (grid.points.drive == "sun"))
     torque[rng.choice(rows, round(0.1 * len(grid)), replace=False)] += 0.05
     analysis = analysed(replace(grid, torque_sun=torque), bench)
-    assert analysis.aside == ()
+    assert analysis.outliers == ()
     assert np.array_equal(analysis.grid.accepted, grid.accepted)
 
 

@@ -139,7 +139,7 @@ def test_one_wild_point_is_named(bench: BenchParameters, rng: np.random.Generato
     analysis = analysed(replace(grid, torque_sun=torque), bench)
     assert analysis.fits is not None
     assert analysis.floor is not None
-    assert not analysis.aside, "it is not so far off that it takes no part in the fits"
+    assert not analysis.outliers, "it is not so far off that it takes no part in the fits"
     found = find_mismatch(analysis.grid, analysis.fits, analysis.floor, bench, rng)
     assert found.found
     effect = found.locations[0].effect

@@ -15,7 +15,7 @@ from pmg.pipeline.diagnosis.balance.library.term import RECORDING
 from pmg.pipeline.diagnosis.balance.proof import held_out, set_against
 from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.found_set import margin_beside
-from pmg.pipeline.diagnosis.engine.problem import freed
+from pmg.pipeline.fit.span import freed
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming, TermSet

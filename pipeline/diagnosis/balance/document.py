@@ -220,11 +220,14 @@ def _impossible(diagnosis: TermsDiagnosis) -> Iterator[str]:
     values = (f"{title_of(diagnosis, e.term)} of {with_error(e)}" for e in diagnosis.impossible)
     if told := " and ".join(values):
         yield f"No machine has {told}: check sign, unit and filter of the channels."
+    if [e.term for e in diagnosis.impossible] != [COULOMB]:
+        return
     speed = np.abs(diagnosis.recorded.motion.speed)
-    slowest, unit = float(np.quantile(speed, SELDOM)), diagnosis.case.axis.speed
-    if [e.term for e in diagnosis.impossible] == [COULOMB] and slowest > NEVER_SLOW * float(speed.max()):
+    slowest = float(np.quantile(speed, SELDOM))
+    if slowest > NEVER_SLOW * float(speed.max()):
+        at = f"{slowest:.3g} {diagnosis.case.axis.speed}"
         yield (
-            f"Or that is no friction: the machine seldom ran below {slowest:.3g} {unit}, and this is where the drag at "
+            f"Or that is no friction: the machine seldom ran below {at}, and this is where the drag at "
             "higher speeds would meet standstill. Record slower speeds, or a coast-down."
         )
 

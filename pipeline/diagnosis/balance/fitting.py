@@ -10,9 +10,9 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.term import Term
 from pmg.pipeline.diagnosis.balance.periods import periods
-from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem, bounded_sizes, freed
+from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem, bounded_sizes
 from pmg.pipeline.diagnosis.engine.scan import ABSORBED
-from pmg.pipeline.fit.span import orthonormal
+from pmg.pipeline.fit.span import freed, orthonormal
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -91,9 +91,9 @@ def low_pass_sentence(d: TermsDiagnosis) -> str:
     if not d.low_passes:
         return ""
     told = [(f"{each.low_pass_hz:g} Hz", said_with(d, each)) for each in d.low_passes]
-    for alike in (SAME, OPEN):
-        if all(said == alike for _, said in told):
-            return f"With a low-pass of {' or '.join(at for at, _ in told)} {alike}."
+    answers = {said for _, said in told}
+    if len(answers) == 1 and answers <= {SAME, OPEN}:
+        return f"With a low-pass of {' or '.join(at for at, _ in told)} {answers.pop()}."
     others = "; ".join(f"at {at} {said}" for at, said in told)
     if _hangs(d):
         return f"It hangs on the low-pass of {d.case.prepare.low_pass_hz:g} Hz: {others}."

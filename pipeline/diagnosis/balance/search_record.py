@@ -20,7 +20,7 @@ from pmg.pipeline.diagnosis.balance.records.zero import ZERO
 from pmg.pipeline.diagnosis.balance.structure import families_of
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
-from pmg.pipeline.diagnosis.engine.problem import freed
+from pmg.pipeline.fit.span import freed
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case import Case

@@ -132,12 +132,6 @@ class WhitenedProblem(ABC, Generic[F]):
         return replace(self, **changed)
 
 
-def freed(columns: Array, y: Array) -> tuple[Array, Array]:
-    """Orthonormal basis of columns (m, k), and what they leave of rows (m,)."""
-    basis = orthonormal(columns)
-    return basis, y - basis @ (basis.T @ y)
-
-
 def bounded_sizes(seen: Array, left: Array, bounds: Array) -> tuple[float, Array]:
     """Sum of squares that columns (m, k) leave, and the sizes (k,) inside their bounds (2, k); equal ones fix it."""
     free, sizes = bounds[0] != bounds[1], bounds[0].astype(np.float64)

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.held_out import withheld_left
-from pmg.pipeline.diagnosis.engine.problem import freed
 from pmg.pipeline.diagnosis.form.search import FormFit, Library, View, make_library, search
 from pmg.pipeline.diagnosis.grid.withheld import STRUCTURE_FOLDS
-from pmg.pipeline.fit.span import orthonormal
+from pmg.pipeline.fit.span import freed, orthonormal
 
 if TYPE_CHECKING:
     import numpy.typing as npt

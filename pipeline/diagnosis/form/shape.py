@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 LABEL = "shape, not physics"
 
 _SHOWN = {"N m": (1e3, "mN m"), "rad/s": (1.0 / RPM, "rpm")}
-"""Factor and unit by which constants are told."""
+"""Factor and unit in which constants are shown."""
 
 
 @dataclass(frozen=True)

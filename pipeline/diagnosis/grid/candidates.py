@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem, freed
+from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem
 from pmg.pipeline.fit.calibration import jacobian, parameter_names
 from pmg.pipeline.fit.noise_floor import BASELINE_FREE
+from pmg.pipeline.fit.span import freed
 from pmg.pipeline.fit.whitening import undo
 from pmg.pipeline.grid.readings import Readings, change, predict
 from pmg.sim.mechanisms import CANDIDATES, Instrument

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.grid.candidates import GridProblem
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.grid.readings import Readings
-    from pmg.sim.signals import Array, Mask
+    from pmg.sim.signals import Array
 
 
 SLOWEST = 3
@@ -58,11 +58,6 @@ def broad_and_narrow(problem: GridProblem) -> tuple[tuple[ResidualStructure, ...
     return families(problem.readings, problem.bench, problem.model), swings(problem.readings)
 
 
-def both_shafts(readings: Readings) -> tuple[Mask, Mask]:
-    """Readings of the sun's transducer, and of the ring's."""
-    return readings.sun, ~readings.sun
-
-
 def campaign_evidence(
     problem: GridProblem, floor: NoiseFloor, draws: int, rng: np.random.Generator, own: list[Array] | None = None
 ) -> Evidence:
@@ -84,7 +79,7 @@ def campaign_evidence(
     readings, white = problem.readings, problem.white
     smooth, narrow = broad_and_narrow(problem)
     repeats, ordinary = repeat_contrasts(readings), readings.configuration != "engaged"
-    groups = both_shafts(readings)
+    groups = tuple(readings.of_shaft)
     fitted = readings.torque - undo(white, problem.left)
     return Evidence(
         y=white((readings.torque - problem.predicted)[:, None])[:, 0],

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.held_out import compared, touched_blocks, withheld_left
-from pmg.pipeline.diagnosis.engine.problem import freed
 from pmg.pipeline.diagnosis.engine.withheld import BLOCKS, Withholding
 from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, GridProblem
 from pmg.pipeline.diagnosis.grid.fitting import KnownFits
 from pmg.pipeline.diagnosis.grid.free_form import bent_columns
 from pmg.pipeline.diagnosis.grid.locate import located_families
+from pmg.pipeline.fit.span import freed
 from pmg.pipeline.fit.whitening import Whitener
 
 if TYPE_CHECKING:

@@ -13,7 +13,6 @@ from scipy.linalg import block_diag
 from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermProblem
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
-from pmg.pipeline.diagnosis.engine.problem import freed
 from pmg.pipeline.diagnosis.motion.compressed import Compressed, Family, compress, shapes_of
 from pmg.pipeline.diagnosis.motion.constants import (
     MAP_WAVES,
@@ -29,7 +28,7 @@ from pmg.pipeline.diagnosis.motion.families import SWINGING, spans_by_kind
 from pmg.pipeline.diagnosis.motion.noise.hum import hums_of
 from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, wander_at_knots
 from pmg.pipeline.diagnosis.motion.view import views_of
-from pmg.pipeline.fit.span import orthonormal
+from pmg.pipeline.fit.span import freed, orthonormal
 from pmg.pipeline.motion.smooth import BAND
 from pmg.sim.shafts import SIDES
 

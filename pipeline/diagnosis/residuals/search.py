@@ -10,7 +10,6 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, search
-from pmg.pipeline.diagnosis.grid.evidence import both_shafts
 from pmg.pipeline.diagnosis.grid.locate import same_trace
 from pmg.pipeline.diagnosis.residuals.covariates import BY_ID, Look, looks, untested
 from pmg.pipeline.diagnosis.residuals.fitted import Fitted, lack_of_fit, linear_fits, outliers
@@ -239,7 +238,7 @@ def _ready(
         y=white(fit.residual[:, None])[:, 0],
         baseline=white(fit.design),
         families=[white(look.family.columns) for look in found],
-        groups=both_shafts(readings),
+        groups=tuple(readings.of_shaft),
         null=white(undo(white_whole, drawn)[index]),
     )
     return _FitEvidence(fit, found, white, evidence)

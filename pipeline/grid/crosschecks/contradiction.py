@@ -129,9 +129,15 @@ class Contradiction:
         done = "" if self.where is None else f"; {DONE[action]}"
         severity = Severity.ERROR if lost else Severity.WARNING
         message = f"{name}: {self.message}{done}. {self.do}"
-        settle = self.do if self.where is None else ""
-        found = CrossCheckRemark(severity, self.place, message, check=name, size=self.size, limit=self.limit)
-        return replace(found, settle=settle)
+        return CrossCheckRemark(
+            severity,
+            self.place,
+            message,
+            check=name,
+            size=self.size,
+            limit=self.limit,
+            settle=self.do if self.where is None else "",
+        )
 
     def _taken(self, action: Action) -> Action:
         """The action asked for, or the rejection of what no uncertainty makes up for."""
