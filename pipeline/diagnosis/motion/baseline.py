@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.motion.constants import start_name
-from pmg.pipeline.diagnosis.motion.rows import linear_columns, rotor_state, torque_of
+from pmg.pipeline.diagnosis.motion.rows import held_beside, linear_columns, rotor_state, torque_of
 from pmg.pipeline.diagnosis.motion.stance import encoder_columns, stance_columns
 
 if TYPE_CHECKING:
@@ -80,6 +80,11 @@ class MotionBaseline:
     def states(self) -> tuple[RotorState, ...]:
         """State of the rotor of each stretch."""
         return tuple(rotor_state(stretch, self.sheet, self.values) for stretch in self.stretches)
+
+    @property
+    def held(self) -> MotionBaseline:
+        """The same constants on the readings of shafts that are held while others turn, these freed from noise."""
+        return MotionBaseline(self.sheet, self.values, held_beside(self.clean.stretches))
 
     def predicted(self, place: int) -> Array:
         """Torque that the transducer of a stretch should show [N m], (n,)."""

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.families import structures
+from pmg.pipeline.diagnosis.motion.families import spans_by_kind, structures
+from pmg.pipeline.diagnosis.motion.noise.hum import hums_of
+from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -55,7 +57,8 @@ class Compressed:
     """One stretch in the coordinates of its columns: rows, constants, structures, and candidates by key.
 
     `row_weights` (n, k) give the coordinates of rows that are not whitened: their products with them; `of_wander`
-    (k, q) are the coordinates of the wander at each of its knots.
+    (k, q) are the coordinates of the wander at each of its knots; `unexplained` is the mean square of what no column
+    follows, in noise variances: 1 where the noise is what it was thought to be.
     """
 
     y: Array
@@ -75,7 +78,19 @@ def shapes_of(term: MotionTerm) -> Array:
     return np.array(term.one_of) if term.one_of else np.geomspace(*term.shape.bounds, SHAPES)
 
 
-def compress(
+def compressed(baseline: MotionBaseline, noise: list[RowNoise], terms: tuple[MotionTerm, ...]) -> list[Compressed]:
+    """Every stretch of a baseline."""
+    views = views_of(baseline.clean)
+    spans = spans_by_kind(views)
+    left = [each.white(baseline.left(place)[:, None])[:, 0] for place, each in enumerate(noise)]
+    hums = hums_of(baseline.stretches, left)
+    return [
+        _compress(baseline, place, noise[place], view, terms, spans[view.side, view.coupled], hums)
+        for place, view in enumerate(views)
+    ]
+
+
+def _compress(
     baseline: MotionBaseline,
     place: int,
     noise: RowNoise,

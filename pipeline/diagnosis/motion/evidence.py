@@ -13,7 +13,7 @@ from scipy.linalg import block_diag
 from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermProblem
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
-from pmg.pipeline.diagnosis.motion.compressed import Compressed, Family, compress, shapes_of
+from pmg.pipeline.diagnosis.motion.compressed import Compressed, Family, compressed, shapes_of
 from pmg.pipeline.diagnosis.motion.constants import (
     MAP_WAVES,
     RIPPLE,
@@ -24,9 +24,8 @@ from pmg.pipeline.diagnosis.motion.constants import (
     passage_names,
     ripple_names,
 )
-from pmg.pipeline.diagnosis.motion.families import SWINGING, spans_by_kind
-from pmg.pipeline.diagnosis.motion.noise.hum import hums_of
-from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, wander_at_knots
+from pmg.pipeline.diagnosis.motion.families import SWINGING
+from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise, wander_at_knots
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.fit.span import freed, orthonormal
 from pmg.pipeline.motion.smooth import BAND
@@ -42,6 +41,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
     from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise
+    from pmg.pipeline.diagnosis.motion.rows import RotorRows
     from pmg.sim.signals import Array, Mask
 
 OFF_SHEET = "data sheet"
@@ -82,8 +82,10 @@ class MotionEvidence:
         For candidates.
     families : tuple of Family
         What each family of the evidence is.
+    stretches : tuple of RotorRows
+        Those of the baseline, then the readings of shafts that were held beside them.
     block : (m,) array of int
-        RotorRows of each row; the rows of the data sheet have the last number.
+        Stretch of each row; the rows of the data sheet have the last number.
     baseline : MotionBaseline
         What it was linearised about.
     columns : (m, k) array
@@ -100,14 +102,12 @@ class MotionEvidence:
         Of each stretch.
     of_wander : tuple of (r, q) array
         What the rows of each stretch show of the wander at its knots.
-    unexplained : (s,) array
-        Mean square of what no column of a stretch follows, in noise variances: 1 where the noise is what it was
-        thought to be.
     """
 
     evidence: Evidence
     problem: TermProblem
     families: tuple[Family, ...]
+    stretches: tuple[RotorRows, ...]
     block: npt.NDArray[np.int64]
     baseline: MotionBaseline
     columns: Array
@@ -116,12 +116,11 @@ class MotionEvidence:
     scatter: float
     noise: tuple[RowNoise, ...]
     of_wander: tuple[Array, ...]
-    unexplained: Array
 
     @property
     def of_sheet(self) -> Mask:
         """Rows of the data sheet."""
-        return np.asarray(self.block == len(self.baseline.stretches))
+        return np.asarray(self.block == len(self.stretches))
 
     def covariance_of(self, weights: Array) -> Array:
         """Covariance (p, p) of p numbers that are sums of the rows with `weights` (p, m).
@@ -144,15 +143,15 @@ class MotionEvidence:
 def motion_evidence(
     baseline: MotionBaseline, noise: list[RowNoise], terms: tuple[MotionTerm, ...], rng: np.random.Generator
 ) -> MotionEvidence:
-    """The evidence of a campaign about a fitted baseline, with the terms that may be named."""
-    views = views_of(baseline.clean)
-    spans = spans_by_kind(views)
-    left = [each.white(baseline.left(place)[:, None])[:, 0] for place, each in enumerate(noise)]
-    hums = hums_of(baseline.stretches, left)
-    parts = [
-        compress(baseline, place, noise[place], view, terms, spans[view.side, view.coupled], hums)
-        for place, view in enumerate(views)
-    ]
+    """The evidence of a campaign about a fitted baseline, with the terms that may be named.
+
+    Readings of held shafts bear on what they show, and are not searched for a difference: what the frame passes on to
+    them would be one.
+    """
+    turning, held = len(baseline.stretches), baseline.held
+    of_held = [row_noise(held, place, noise[0].slow_noise) for place in range(len(held.stretches))]
+    parts = [*compressed(baseline, noise, terms), *compressed(held, of_held, terms)]
+    noise = [*noise, *of_held]
     sizes = [len(part.y) for part in parts]
     known, off = baseline.sheet.known, baseline.sheet.off(baseline.values)
     y = np.concatenate([*(part.y for part in parts), off])
@@ -164,15 +163,18 @@ def motion_evidence(
         return np.vstack([*blocks, np.zeros((len(known), width))])
 
     looked, swinging = _looked_for(parts, stacked)
-    scatter = _scatter(np.concatenate([*(part.left for part in parts), off]), [columns, *looked.values()])
-    unit = np.where(block < len(parts), 1.0 / scatter, 1.0)
+    searched = (block < turning) | (block == len(parts))
+    left = np.concatenate([*(part.left for part in parts), off])[searched]
+    scatter = _scatter(left, [each[searched] for each in (columns, *looked.values())])
+    rough = (math.sqrt(max(part.unexplained, 1.0)) if k >= turning else 1.0 for k, part in enumerate(parts))
+    unit = 1.0 / np.array([*(scatter * each for each in rough), 1.0])[block]
     y, columns = unit * y, unit[:, None] * columns
     looked = {family: unit[:, None] * each for family, each in looked.items()}
     swinging = {side: unit[:, None] * each for side, each in swinging.items()}
     for name, names in OF_SHEET.items():
         looked[Family("both", OFF_SHEET, name)] = _units_of_sheet(baseline.sheet, names, len(y))
     tables = _tabled(terms, parts, stacked, baseline.sheet, unit)
-    views = views_of(baseline.clean)  # those before hold all that was worked out for the tables
+    views = [*views_of(baseline.clean), *views_of(held)]  # those before hold all that was worked out for the tables
 
     def worked_out(term: MotionTerm, shape: float) -> Array:
         if term.constants:
@@ -189,6 +191,7 @@ def motion_evidence(
         evidence=evidence,
         problem=problem,
         families=tuple(looked),
+        stretches=(*baseline.stretches, *held.stretches),
         block=block,
         baseline=baseline,
         columns=columns,
@@ -197,7 +200,6 @@ def motion_evidence(
         scatter=scatter,
         noise=tuple(noise),
         of_wander=tuple(part.of_wander for part in parts),
-        unexplained=np.array([part.unexplained for part in parts]),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -22,7 +22,7 @@ from pmg.pipeline.diagnosis.motion.constants import (
 from pmg.pipeline.diagnosis.motion.gear_torque import gear_columns
 from pmg.pipeline.diagnosis.motion.loss_curve import REST, drag_columns, engaged_drag_columns
 from pmg.pipeline.recording.run_records import Manoeuvre
-from pmg.sim.shafts import SIDES, PerShaft, per_shaft
+from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
@@ -48,7 +48,7 @@ class RotorRows:
     side : str
         The shaft.
     rows : (m,) array of bool
-        Which r of the run's rows: those in which the shaft turns; all of a zero run.
+        Which r of the run's rows: those in which the shaft turns; all where it rests.
     """
 
     run: SmoothRun
@@ -61,8 +61,14 @@ class RotorRows:
 
     @property
     def at_rest(self) -> bool:
-        """Whether it is of a zero run, in which the transducer shows its zero."""
-        return self.run.run.manoeuvre is Manoeuvre.ZERO
+        """Whether the shaft rests, so that its transducer shows its zero: in a zero run, or held."""
+        return self.run.run.manoeuvre is Manoeuvre.ZERO or self.held
+
+    @property
+    def held(self) -> bool:
+        """Whether its drive holds it in neutral while the other shaft turns."""
+        turns = self.run.run.turns
+        return not self.coupled and turns[other_side(self.side)] and not turns[self.side]
 
     @property
     def coupled(self) -> bool:
@@ -99,6 +105,16 @@ def stretches_of(runs: tuple[SmoothRun, ...]) -> tuple[RotorRows, ...]:
             if rows.sum() > 1:
                 found.append(RotorRows(run, side, rows))
     return tuple(found)
+
+
+def held_beside(stretches: tuple[RotorRows, ...]) -> tuple[RotorRows, ...]:
+    """Readings of the shafts that are held while those of some stretches turn.
+
+    No torque of its own moves such a reading: what follows the torque of the other shaft is crosstalk.
+    """
+    readings = (RotorRows(each.run, other_side(each.side), each.rows) for each in stretches)
+    known = ((each, np.isfinite(each.run.measured[each.side])) for each in readings if each.held)
+    return tuple(replace(each, rows=rows) for each, rows in known if rows.sum() > 1)
 
 
 def _standing(speed: Array, rate: float) -> Mask:

@@ -150,8 +150,13 @@ class RotorView:
 
     @property
     def at_rest(self) -> bool:
-        """Whether it is of a zero run."""
+        """Whether the shaft rests."""
         return self.state.stretch.at_rest
+
+    @property
+    def held(self) -> bool:
+        """Whether it rests while the other shaft turns."""
+        return self.state.stretch.held
 
     @property
     def speed(self) -> Array:

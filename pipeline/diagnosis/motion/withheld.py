@@ -70,7 +70,7 @@ class WithheldRuns(Withholding[TermFit, TermProblem]):
 
 def by_kind(found: MotionEvidence, fits: tuple[TermFit, ...]) -> WithheldRuns:
     """The rows of a campaign, dealt to folds by kind of run."""
-    folds = [_kind(stretch) for stretch in found.baseline.stretches]
+    folds = [_kind(stretch) for stretch in found.stretches]
     return _withheld(found, fits, folds, "kinds of run (ramps and coast-downs, steps, sweeps, dithers)")
 
 
@@ -78,7 +78,7 @@ def by_run(found: MotionEvidence, fits: tuple[TermFit, ...]) -> WithheldRuns:
     """The same, dealt run by run, for what one kind of run alone can show: each fold has some of every kind."""
     seen: dict[int, list[str]] = {}
     folds = []
-    for stretch in found.baseline.stretches:
+    for stretch in found.stretches:
         kind, name = _kind(stretch), stretch.run.run.name
         names = seen.setdefault(kind, [])
         if name not in names:

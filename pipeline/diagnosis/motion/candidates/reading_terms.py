@@ -110,6 +110,7 @@ def scale_terms(side: str) -> Iterator[MotionTerm]:
                 sizes,
                 law,
                 hears=lambda rate, _, heard=heard: heard,
+                shown_held=bool(whose),
                 source=sources.GUM,
                 follows=(LawCovariate.LOAD,),
                 component=Component(f"{side}_torque_transducer"),

@@ -58,6 +58,8 @@ class MotionTerm(Term[RotorView]):
         Whether it acts in the engaged gear only.
     shown_at_rest : bool
         Whether a zero run shows it, too.
+    shown_held : bool
+        Whether the reading of a shaft shows it that is held while the other one turns.
     """
 
     component: Component = field(kw_only=True)
@@ -75,6 +77,7 @@ class MotionTerm(Term[RotorView]):
     of_pole_angle: bool = False
     engaged_only: bool = False
     shown_at_rest: bool = False
+    shown_held: bool = False
 
     @property
     def place(self) -> str:
@@ -98,7 +101,9 @@ class MotionTerm(Term[RotorView]):
 
     def acts(self, view: RotorView) -> bool:
         """Whether it may act on that rotor in its run; its law is asked for nowhere else."""
-        if self.constants or (view.at_rest and not self.shown_at_rest) or (self.engaged_only and not view.coupled):
+        if self.constants or (self.engaged_only and not view.coupled):
+            return False
+        if view.at_rest and not (self.shown_held if view.held else self.shown_at_rest):
             return False
         return self.spreads or self.shaft in (view.side, "both")
 

@@ -28,6 +28,13 @@ FLOOR = 0.1
 """Part of the variance that is added to it alone, so that the whitening of a band-limited noise stays bounded."""
 
 
+REACTION = 0.05
+"""Standard deviation of the torque at which a held shaft rests [N m]; it stays while the other shaft turns."""
+
+PASSED_ON = 2e-3
+"""Standard deviation of the part of the other shaft's torque that comes to a held one through the frame in a run."""
+
+
 @dataclass(frozen=True)
 class SlowNoise:
     """Wander of the readings, and what their ripple of a turn differs between runs.
@@ -142,11 +149,16 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
 
 
 def slow_spread(stretch: RotorRows, noise: SlowNoise = USUAL) -> Array:
-    """Directions (n, k) of wander and ripple, each as long as its standard deviation [N m]."""
-    wander, turns = noise.wander[stretch.side], turns_of(stretch)
+    """Directions (n, k) of wander and ripple, each as long as its standard deviation [N m]; of a held shaft's rest."""
+    wander = noise.wander[stretch.side]
     knots, lines = _lines(stretch, wander)
-    turns *= np.repeat(noise.ripple, 2)[: turns.shape[1]]
-    return np.hstack([lines @ np.linalg.cholesky(wander.covariance(knots)), turns])
+    if stretch.held:
+        other = stretch.of_rows(stretch.run.shafts[other_side(stretch.side)].torque)
+        beside = np.stack([np.full(len(stretch), REACTION), PASSED_ON * other], 1)
+    else:
+        beside = turns_of(stretch)
+        beside *= np.repeat(noise.ripple, 2)[: beside.shape[1]]
+    return np.hstack([lines @ np.linalg.cholesky(wander.covariance(knots)), beside])
 
 
 def _lines(stretch: RotorRows, wander: Wander) -> tuple[Array, Array]:
