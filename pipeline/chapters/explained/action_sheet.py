@@ -8,6 +8,7 @@ import numpy as np
 
 from pmg.pipeline.chapters.bench_parts import GROUNDS, SHEET, UNSETTLED, UNSETTLED_COST, bench_parts, part_words
 from pmg.pipeline.chapters.explained.before_after import before_and_after
+from pmg.pipeline.diagnosis.design.direct_check import nothing_yet
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.diagnosis import possible_components
 from pmg.pipeline.diagnosis.grid.remedy import AGAIN, APART, LIKELY, bench_action, best_test, lifting, words_of_test
@@ -193,7 +194,7 @@ def _action(diagnosis: Diagnosis) -> str:
         return NOTHING
     likely = any(test.power >= LIKELY for test in diagnosis.next_tests)
     if diagnosis.verdict is not Verdict.NOT_IN_LIBRARY:
-        return "Repair nothing yet: the next test tells." if likely else "Repair nothing yet."
+        return nothing_yet(diagnosis.naming, test_tells=likely)
     parts = [part_words(each) for place in diagnosis.mismatch.locations[:1] for each in possible_components(place)]
     if not parts:
         side = diagnosis.mismatch.locations[0].signal.removeprefix("torque_")

@@ -8,6 +8,7 @@ import numpy as np
 
 from pmg.pipeline.chapters.bench_parts import GROUNDS, SHEET, parts_of
 from pmg.pipeline.chapters.simulated.motion import TIME
+from pmg.pipeline.diagnosis.design.direct_check import nothing_yet
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
 from pmg.pipeline.diagnosis.grid.track_record import IN_MOTION, track_record
@@ -130,7 +131,7 @@ def _action(diagnosis: MotionDiagnosis) -> str:
     if not diagnosis.mismatch.found:
         return "Nothing."
     if diagnosis.next_runs:
-        return "Repair nothing yet: the next test tells." if would_tell(diagnosis) else "Repair nothing yet."
+        return nothing_yet(diagnosis.naming, test_tells=would_tell(diagnosis))
     return f"Inspect {where_to_look(diagnosis)}."
 
 

@@ -33,6 +33,7 @@ class WithheldRuns(Withholding[TermFit, TermProblem]):
     problem: TermProblem
     constants: Array
     of_sheet: Mask
+    held: Mask
     sheet: DataSheet
     noun = "mechanism was"
     folds: ClassVar[int] = NEVER
@@ -63,9 +64,9 @@ class WithheldRuns(Withholding[TermFit, TermProblem]):
         return self.problem.columns_of(fit.candidate, fit.shape)
 
     def touched(self, fits: tuple[TermFit, ...]) -> Mask:
-        """Rows of every run that may be withheld."""
-        del fits
-        return np.asarray(self.fold < self.folds)
+        """Rows of every run that may be withheld; the reading of a held shaft, where a mechanism moves it."""
+        moved = np.hstack([self._columns(fit) for fit in fits]).any(axis=1)
+        return np.asarray((self.fold < self.folds) & (moved | ~self.held))
 
 
 def by_kind(found: MotionEvidence, fits: tuple[TermFit, ...]) -> WithheldRuns:
@@ -103,6 +104,7 @@ def _withheld(found: MotionEvidence, fits: tuple[TermFit, ...], folds: list[int]
         columns=np.delete(found.columns, wrong, axis=1),
         constants=found.columns,
         of_sheet=found.of_sheet,
+        held=(found.block >= len(found.baseline.stretches)) & ~found.of_sheet,
         sheet=sheet,
         scale=np.ones(len(found.y)),
         block=found.block,

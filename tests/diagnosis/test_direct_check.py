@@ -1,0 +1,53 @@
+"""Checks by hand where no further recording tells causes apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from pmg.pipeline.diagnosis.design.direct_check import CHECKS, direct_check, nothing_yet
+from pmg.pipeline.diagnosis.motion.candidates.library import library
+
+
+@dataclass(frozen=True)
+class _Fit:
+    identifier: str
+    place: str
+
+
+GAIN, CROSSTALK = _Fit("torque_gain_error", "ring"), _Fit("torque_crosstalk", "sun")
+WARM, HYSTERESIS = _Fit("lubricant_viscosity", "sun"), _Fit("gear_hysteresis", "both")
+
+
+@pytest.mark.parametrize(
+    ("sets", "begins"),
+    [
+        (((GAIN,), (CROSSTALK,)), "load the ring transducer by a lever and known weights"),
+        (((WARM,), (CROSSTALK,)), "load the ring shaft by a lever, the sun shaft free"),
+        (((WARM, GAIN), (GAIN, CROSSTALK)), "load the ring shaft by a lever, the sun shaft free"),
+        (((WARM, GAIN), (GAIN, HYSTERESIS)), ""),
+        (((GAIN,),), ""),
+    ],
+)
+def test_what_some_sets_hold_and_others_do_not_is_checked(sets: tuple[tuple[_Fit, ...], ...], begins: str) -> None:
+    assert direct_check(sets).startswith(begins)
+    assert bool(direct_check(sets)) == bool(begins)
+
+
+def test_each_check_is_of_a_mechanism_of_the_library_and_names_its_shaft() -> None:
+    known = {term.identifier for term in library()}
+    assert set(CHECKS) <= known
+    for name in CHECKS:
+        told = direct_check(((_Fit(name, "ring"),), (HYSTERESIS,)))
+        assert "ring" in told
+        assert "only" in told
+
+
+def test_a_check_is_told_only_where_no_test_tells() -> None:
+    naming: Any = SimpleNamespace(best=SimpleNamespace(fits=(GAIN,)), rivals=(SimpleNamespace(fits=(WARM,)),))
+    assert nothing_yet(naming, test_tells=True) == "Repair nothing yet: the next test tells."
+    assert nothing_yet(naming, test_tells=False).startswith("Repair nothing yet. To tell by hand: load the ring")
+    assert nothing_yet(None, test_tells=False) == "Repair nothing yet."
