@@ -39,11 +39,11 @@ def nothing_yet(naming: Naming[Any, Any] | None, *, test_tells: bool) -> str:
     """
     if test_tells:
         return "Repair nothing yet: the next test tells."
-    check = "" if naming is None else direct_check([each.fits for each in (naming.best, *naming.rivals)])
+    check = "" if naming is None else _direct_check([each.fits for each in (naming.best, *naming.rivals)])
     return f"Repair nothing yet. To tell by hand: {check}." if check else "Repair nothing yet."
 
 
-def direct_check(sets: Sequence[Sequence[Any]]) -> str:
+def _direct_check(sets: Sequence[Sequence[Any]]) -> str:
     """A check that tells some of a list of sets of causes from the others; empty where none is known.
 
     Parameters

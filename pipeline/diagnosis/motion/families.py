@@ -32,6 +32,9 @@ SLOW = (
 )
 """What a missing torque may follow that changes no sooner than a wander, and does not hold it as the torque does."""
 
+OF_TIME = 3
+"""Degree of the curve of time that the zero of a transducer may follow over a campaign."""
+
 CURVE_KNOTS = 7
 """Knots of a curve over a covariate."""
 
@@ -65,6 +68,17 @@ def structures(view: RotorView, spans: dict[str, float]) -> dict[str, Array]:
         found["rate of the pole angle"] = np.tanh(slip)[:, None]
         found["load and speed"] = view.load[:, None] * _curve(view.speed, spans["speed"])
     return found
+
+
+def zeros_in_time(views: list[RotorView]) -> list[Array]:
+    """Columns (n, k) of zeros of the transducers that follow a smooth curve of the time in the campaign."""
+
+    def columns(view: RotorView) -> Array:
+        time = 2.0 * view.campaign_time / view.history.length - 1.0
+        curve = np.polynomial.legendre.legvander(time, OF_TIME)[:, 1:]
+        return np.hstack([curve * (view.side == side) for side in SIDES])
+
+    return [columns(view) for view in views]
 
 
 def spans_by_kind(views: list[RotorView]) -> dict[tuple[str, bool], dict[str, float]]:

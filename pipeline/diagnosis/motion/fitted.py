@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, cast
@@ -10,13 +11,16 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline, start_baseline
 from pmg.pipeline.diagnosis.motion.candidates.terms import torque_of_terms
+from pmg.pipeline.diagnosis.motion.catalogue import columns_beside
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
-from pmg.pipeline.diagnosis.motion.families import slow_structures
+from pmg.pipeline.diagnosis.motion.families import slow_structures, zeros_in_time
+from pmg.pipeline.diagnosis.motion.fitted_size import error_of_law, fitted_size
 from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise
 from pmg.pipeline.diagnosis.motion.noise.shown import slow_noise_of
 from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
+from pmg.pipeline.fit.span import pseudo_inverse
 from pmg.pipeline.motion.lag import Lag
 from pmg.pipeline.motion.smooth import smooth
 from pmg.sim.errors import FitError
@@ -28,9 +32,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
+    from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
+    from pmg.pipeline.diagnosis.motion.fitted_size import FittedSize
     from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
-    from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array, Spectrum
@@ -45,9 +50,6 @@ encoder fold into it unevenly while a speed is held."""
 STIFFER = 0.02
 """Part by which the damping of a coupling may make it stiffer in the band: the square of damping times frequency over
 stiffness, which at 20 Hz is 0.15 squared for 3 N m s/rad on 2500 N m/rad."""
-
-OF_TIME = 3
-"""Degree of the curve of time that the zero of a transducer may follow over a campaign."""
 
 HELD = 1e-3
 """Factor on the standard uncertainty of what is held."""
@@ -104,8 +106,8 @@ def _with_denser_torque(fitted: MotionBaseline, noise: list[RowNoise]) -> Array:
 
 def noise_beside(fitted: MotionBaseline, noise: list[RowNoise]) -> list[RowNoise]:
     """The noise of each stretch, with what a fitted baseline leaves beside its constants, drift and slow structures."""
-    explained = []
-    others = zip(_zeros_in_time(fitted.clean), slow_structures(views_of(fitted.clean)), strict=True)
+    explained, views = [], views_of(fitted.clean)
+    others = zip(zeros_in_time(views), slow_structures(views), strict=True)
     for place, (stretch, of_stretch) in enumerate(zip(fitted.stretches, others, strict=True)):
         explained.append(np.hstack([fitted.clean.columns(place), stretch.of_rows(np.hstack(of_stretch))]))
     left = [fitted.left(place) for place in range(len(fitted.stretches))]
@@ -167,22 +169,49 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
     return replace(found, sheet=start.sheet), covariance
 
 
+def fitted_together(
+    found: MotionEvidence, fits: tuple[TermFit, ...]
+) -> tuple[Array, Array, tuple[Array, ...], tuple[Array, ...], tuple[FittedSize, ...]]:
+    """Constants and parameters fitted together about those of the evidence, each with its standard errors.
+
+    What is known of a mechanism is not fitted: its error is zero.
+    """
+    slopes = [found.problem.slopes(fit) for fit in fits]
+    free = [fit.candidate.free_parameters for fit in fits]
+    columns = np.hstack([columns_beside(found, fits), *(s * f for s, f in zip(slopes, free, strict=True))])
+    effect = sum((s[:, : len(f.amplitudes)] @ f.amplitudes for s, f in zip(slopes, fits, strict=True)), 0.0 * found.y)
+    inverse = pseudo_inverse(columns)
+    moved = inverse @ (found.y - effect)
+    covariance = found.covariance_of(inverse)
+    errors = np.sqrt(np.diag(covariance))
+    ends = np.cumsum([found.columns.shape[1], *(s.shape[1] for s in slopes)])
+    values = [np.r_[fit.amplitudes, [fit.shape] if fit.candidate.shape is not None else []] for fit in fits]
+    sizes = [v + f * m for v, f, m in zip(values, free, np.split(moved, ends)[1:], strict=False)]
+    of_fits = [covariance[a:b, a:b] for a, b in itertools.pairwise(ends)]
+    wholes = tuple(
+        fitted_size(
+            fit,
+            value,
+            of_fit,
+            found.baseline.sheet.poles,
+            error_of_law(found.problem, fits, place),
+        )
+        for place, (fit, value, of_fit) in enumerate(zip(fits, sizes, of_fits, strict=True))
+    )
+    return (
+        found.baseline.values + moved[: ends[0]],
+        errors[: ends[0]],
+        tuple(sizes),
+        tuple(f * error for f, error in zip(free, np.split(errors, ends)[1:], strict=False)),
+        wholes,
+    )
+
+
 def _whitener(noise: list[RowNoise]) -> Callable[[int, Array], Array]:
     def white(place: int, columns: Array) -> Array:
         return noise[place].white(columns)
 
     return white
-
-
-def _zeros_in_time(clean: MotionBaseline) -> list[Array]:
-    """Columns (n, k) of zeros of the transducers that follow a smooth curve of the time in the campaign."""
-
-    def columns(view: RotorView) -> Array:
-        time = 2.0 * view.campaign_time / view.history.length - 1.0
-        curve = np.polynomial.legendre.legvander(time, OF_TIME)[:, 1:]
-        return np.hstack([curve * (view.side == side) for side in SIDES])
-
-    return [columns(view) for view in views_of(clean)]
 
 
 def _with_masses_of_sheet(start: MotionBaseline, white: Callable[[int, Array], Array]) -> MotionBaseline:
