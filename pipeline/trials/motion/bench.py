@@ -128,6 +128,8 @@ class MotionNoise:
         Amplitudes a turn of the torque read [N m].
     jitter : float
         Standard deviation of the time of a sample [s].
+    begins_anew : bool
+        Whether the counters begin each run at another place of the turn, as incremental encoders without a mark do.
     """
 
     white: PerShaft[float]
@@ -137,6 +139,7 @@ class MotionNoise:
     reaction: float
     ripple: PerShaft[tuple[float, float]]
     jitter: float
+    begins_anew: bool
 
 
 @dataclass(frozen=True)
@@ -201,6 +204,7 @@ def _draw_noise(rng: np.random.Generator) -> MotionNoise:
         reaction=rng.uniform(1e-3, 4e-3) if rng.random() < 0.5 else 0.0,
         ripple=PerShaft(*((rng.uniform(0.1e-3, 0.8e-3), rng.uniform(0.1e-3, 0.5e-3)) for _ in range(2))),
         jitter=rng.uniform(0.2e-6, 2e-6),
+        begins_anew=bool(rng.random() < 0.5),
     )
 
 

@@ -54,9 +54,10 @@ class Instruments:
         late = self.noise.jitter * self.rng.standard_normal(len(course.elapsed))
         gap = float(course.elapsed[0]) - self.until
         self.until = float(course.elapsed[-1])
-        return per_shaft(lambda side: self._read(course, side, late, gap))
+        began = per_shaft(lambda _: int(self.rng.integers(COUNTS_PER_REV)) * self.noise.begins_anew)
+        return per_shaft(lambda side: self._read(course, side, late, gap, began[side]))
 
-    def _read(self, course: BenchCourse, side: str, late: Array, gap: float) -> tuple[Array, Array]:
+    def _read(self, course: BenchCourse, side: str, late: Array, gap: float, began: int) -> tuple[Array, Array]:
         noise, torque, turned, n = self.noise, course.torque[side], course.turned[side], len(late)
         held = course.run.configuration is Configuration.NEUTRAL and side not in course.run.asked
         slope = np.gradient(torque) * RATE
@@ -68,7 +69,7 @@ class Instruments:
         seen += wander + noise.zero[side] + held * noise.reaction * self.rng.standard_normal()
         step = STEP_HZ / SPAN_HZ * NOMINAL[side]
         angle = course.angle[side] + course.speed[side] * late
-        return np.round(seen / step) * step, np.floor(angle / COUNT) * COUNT
+        return np.round(seen / step) * step, (np.floor(angle / COUNT) + began) * COUNT
 
     def _wander(self, side: str, time: float, n: int, gap: float) -> Array:
         """A part of the wander through a run that begins a gap [s] after the last one ended [N m]."""
