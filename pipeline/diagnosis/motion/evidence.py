@@ -98,6 +98,9 @@ class MotionEvidence:
     scatter : float
         Standard deviation of the rows about everything that is looked for, in units of the noise that sensors make;
         1 at least. Rows are in units of it.
+    quiet : float
+        The same in units of `scatter`: below 1 where the noise is less than what sensors and filters were thought to
+        make of it.
     noise : tuple of RowNoise
         Of each stretch.
     of_wander : tuple of (r, q) array
@@ -114,6 +117,7 @@ class MotionEvidence:
     swinging: dict[str, Array]
     y: Array
     scatter: float
+    quiet: float
     noise: tuple[RowNoise, ...]
     of_wander: tuple[Array, ...]
 
@@ -165,7 +169,8 @@ def motion_evidence(
     looked, swinging = _looked_for(parts, stacked)
     searched = (block < turning) | (block == len(parts))
     left = np.concatenate([*(part.left for part in parts), off])[searched]
-    scatter = _scatter(left, [each[searched] for each in (columns, *looked.values())])
+    shown = _scatter(left, [each[searched] for each in (columns, *looked.values())])
+    scatter = max(shown, 1.0)
     rough = (math.sqrt(max(part.unexplained, 1.0)) if k >= turning else 1.0 for k, part in enumerate(parts))
     unit = 1.0 / np.array([*(scatter * each for each in rough), 1.0])[block]
     y, columns = unit * y, unit[:, None] * columns
@@ -198,6 +203,7 @@ def motion_evidence(
         swinging=swinging,
         y=y,
         scatter=scatter,
+        quiet=shown / scatter,
         noise=tuple(noise),
         of_wander=tuple(part.of_wander for part in parts),
     )
@@ -280,7 +286,7 @@ def _remembered(
 def _scatter(left: Array, looked: list[Array]) -> float:
     everything = orthonormal(np.hstack(looked))
     rest = left - everything @ (everything.T @ left)
-    return max(1.0, float(np.sqrt(rest @ rest / max(len(left) - everything.shape[1], 1))))
+    return float(np.sqrt(rest @ rest / max(len(left) - everything.shape[1], 1)))
 
 
 def _of_sheet(sheet: DataSheet, names: tuple[str, ...], rows: int) -> Array:

@@ -26,6 +26,10 @@ NEVER = len(KINDS)
 """Fold of rows that are never withheld: zero runs and the data sheet."""
 
 
+QUIETEST = 0.8
+"""Noise of the rows, over what sensors and filters were thought to make, below which it is not believed."""
+
+
 @dataclass(frozen=True)
 class WithheldRuns(Withholding[TermFit, TermProblem]):
     """Rows of a campaign as they are withheld, by kind of run."""
@@ -106,7 +110,7 @@ def _withheld(found: MotionEvidence, fits: tuple[TermFit, ...], folds: list[int]
         of_sheet=found.of_sheet,
         held=(found.block >= len(found.baseline.stretches)) & ~found.of_sheet,
         sheet=sheet,
-        scale=np.ones(len(found.y)),
+        scale=np.where(found.of_sheet, 1.0, max(found.quiet, QUIETEST)),
         block=found.block,
         fold=np.array([*folds, NEVER])[found.block],
         groups=[np.flatnonzero(found.block == k) for k in np.unique(found.block)],
