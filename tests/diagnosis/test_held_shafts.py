@@ -73,6 +73,16 @@ def test_crosstalk_of_a_held_shaft_is_as_uncertain_as_is_said(seeds: int) -> Non
         assert float(np.mean(np.square(far))) < 1.0 + 4.0 * math.sqrt(2.0 / seeds), size
 
 
+def test_only_what_reaches_a_shaft_that_is_held_moves_its_reading() -> None:
+    """Crosstalk, and what drags at both rotors: no law of the other rotor alone, and no constant."""
+    found = _evidence(_heard(33, (0.0,) * 6))
+    held = (found.block >= len(found.baseline.stretches)) & ~found.of_sheet
+    moving = {t.term.identifier for t in found.problem.tables.values() if t.columns[held].any()}
+    assert moving == {"torque_crosstalk", "residual_magnetic_coupling", "relative_bearing_drag"}
+    families = np.hstack([each[held] for each in found.evidence.families])
+    assert not families.any()
+
+
 def test_a_run_in_neutral_is_foreseen_to_tell_crosstalk_by_the_shaft_that_is_held() -> None:
     """Its rows hold the part of the sun's torque that the ring would show, although no rotor of the ring turns."""
     found = _evidence(_heard(32, (0.0,) * 6))

@@ -110,7 +110,8 @@ def stretches_of(runs: tuple[SmoothRun, ...]) -> tuple[RotorRows, ...]:
 def held_beside(stretches: tuple[RotorRows, ...]) -> tuple[RotorRows, ...]:
     """Readings of the shafts that are held while those of some stretches turn.
 
-    No torque of its own moves such a reading: what follows the torque of the other shaft is crosstalk.
+    No torque of its own moves such a reading: what follows the torque of the other shaft is crosstalk, and what follows
+    its speed comes over the gear or the bearing between the shafts.
     """
     readings = (RotorRows(each.run, other_side(each.side), each.rows) for each in stretches)
     known = ((each, np.isfinite(each.run.measured[each.side])) for each in readings if each.held)

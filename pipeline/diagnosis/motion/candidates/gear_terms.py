@@ -198,6 +198,7 @@ def loss_terms() -> Iterator[MotionTerm]:
         shape=Quantity("corner", "rad/s", (20.0, 2000.0)),
         mixes=True,
         follows=(LawCovariate.SLIP,),
+        shown_held=True,
         component=Component.MAGNETIC_GEAR,
         shaft="both",
     )
@@ -210,6 +211,7 @@ def loss_terms() -> Iterator[MotionTerm]:
         lambda v, _: (1.0 if v.side == "sun" else -1.0) * stack(np.tanh(v.relative), v.relative / 100.0),
         source=sources.HARRIS,
         follows=(LawCovariate.DIFFERENCE,),
+        shown_held=True,
         component=Component.RELATIVE_BEARING,
         shaft="both",
     )
