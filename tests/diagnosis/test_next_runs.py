@@ -12,10 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.diagnosis.test_motion import _campaign, _with_torque
 
+from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.separation import power_to_separate, squares_beyond
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion import naming
 from pmg.pipeline.diagnosis.motion.candidates.library import library
+from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.design.foresight import Foresight
 from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun, merged
@@ -164,6 +166,22 @@ def test_a_run_that_tells_several_causes_apart_stands_once_with_its_least_power(
     one, other = (NextRun("Ramp", "Ramp: up", 1.0, (name,), (), power) for name, power in (("a", 0.9), ("b", 0.5)))
     (both,) = merged((one, other))
     assert (both.separates, both.power) == (("a", "b"), 0.5)
+
+
+def test_where_no_run_tells_a_check_by_hand_is_the_next_test() -> None:
+    """And a run that would tell in hardly any case is not asked for."""
+    found = diagnose_motion("lagging", _campaign(12, lag=0.014), load_bench(), np.random.default_rng(0))
+    assert found.naming is not None
+    crosstalk = [found.evidence.problem.tables["torque_crosstalk/sun/"].term]
+    rival = explain_with(found.evidence.problem, MotionCatalogue(), crosstalk)
+    for power in (0.01, 0.9):
+        run = NextRun("Ramp", "Ramp: up", 1.0, ("torque_crosstalk",), (), power)
+        open_ = replace(found.naming, rivals=(rival,))
+        told = motion_document(replace(found, verdict=Verdict.AMBIGUOUS, naming=open_, next_runs=(run,)))
+        (test,) = told["next_tests"]
+        assert test["description"].startswith("Ramp: up" if power > 0.5 else "By hand: load the ring shaft by a lever")
+        assert test["separates"] == ["torque_crosstalk"]
+        assert test["power"] == (power if power > 0.5 else None)
 
 
 def test_runs_can_be_proposed_where_the_fit_knows_nothing_of_a_shaft(forward: MotionEvidence) -> None:

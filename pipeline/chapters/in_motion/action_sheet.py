@@ -12,7 +12,7 @@ from pmg.pipeline.diagnosis.design.direct_check import nothing_yet
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
 from pmg.pipeline.diagnosis.grid.track_record import IN_MOTION, track_record
-from pmg.pipeline.diagnosis.motion.design.remedy import bench_actions, next_run, would_tell
+from pmg.pipeline.diagnosis.motion.design.remedy import bench_actions, next_run, telling_runs, would_tell
 from pmg.pipeline.diagnosis.motion.places import largest_of, signal_of, where_to_look
 from pmg.pipeline.diagnosis.motion.statement import (
     causes,
@@ -138,7 +138,7 @@ def _action(diagnosis: MotionDiagnosis) -> str:
 def _next(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...]) -> str:
     """Which run is next."""
     if diagnosis.next_runs:
-        return f"{capitalised(next_run(diagnosis))}. Its sheet: {SHEET}."
+        return f"{capitalised(next_run(diagnosis))}.{f' Its sheet: {SHEET}.' * bool(telling_runs(diagnosis))}"
     if not diagnosis.mismatch.found:
         return "None is needed."
     clearest = _clearest(diagnosis, effects, traces)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from pmg.pipeline.commands.at_bench.page_frame import SHEET_STYLE, as_html, framed
 from pmg.pipeline.diagnosis.balance.catalogue import TermSet
 from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
-from pmg.pipeline.diagnosis.motion.design.next_runs import merged
 from pmg.pipeline.diagnosis.motion.design.proposed_run import CHANGE_S
+from pmg.pipeline.diagnosis.motion.design.remedy import telling_runs
 from pmg.pipeline.diagnosis.motion.design.torque_apart import torque_apart
 from pmg.pipeline.diagnosis.motion.statement import causes
 from pmg.pipeline.wording.numerals import number
@@ -83,7 +83,7 @@ def motion_sheet(diagnosis: MotionDiagnosis) -> MotionSheet:
     """The runs that a diagnosis asks for, each test once; none where it asks for none."""
     tests, rows, after = [], [], 0.0
     gear = diagnosis.before.stretches[0].run.run.gear
-    for test in merged(diagnosis.next_runs):
+    for test in telling_runs(diagnosis):
         tests.append((test.title, f"{_question(diagnosis, test)} Power {test.power:.0%}."))
         apart = {run: _apart(diagnosis, test, run) for run in dict.fromkeys(test.runs)}
         for run in test.runs:

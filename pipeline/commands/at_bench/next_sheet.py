@@ -15,6 +15,7 @@ from pmg.pipeline.commands.compare_and_diagnose import SEED, compare_and_diagnos
 from pmg.pipeline.commands.motion import diagnose_runs
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.stored_analysis import analysed
+from pmg.pipeline.diagnosis.design.direct_check import check_by_hand
 from pmg.pipeline.diagnosis.design.expected_readings import expected_readings
 from pmg.pipeline.diagnosis.design.plans import A_POINT
 from pmg.pipeline.diagnosis.grid.candidates import grid_problem
@@ -103,7 +104,10 @@ def _next_runs(store: Path, campaign: str, out: Path, model: Path | None) -> Out
     diagnosis, *_ = diagnose_runs(store, campaign, moving_runs(Store(store), campaign), model)
     sheet, verdict, words = motion_sheet(diagnosis), str(diagnosis.verdict), phrase_in_motion(diagnosis)
     if not sheet.runs:
-        return Outcome({"verdict": verdict, "files": []}, (f"{words}: no run is asked for; there is no sheet.",))
+        check, _ = check_by_hand(diagnosis.naming) if diagnosis.next_runs else ("", "")
+        by_hand = (f"By hand: {check}.",) if check else ()
+        line = f"{words}: no run is asked for; there is no sheet."
+        return Outcome({"verdict": verdict, "files": []}, (line, *by_hand))
     files = {out / SHEET: motion_page(sheet).encode(), out / POINTS: references_csv(sheet).encode()}
     write_together(files)
     data = {

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 from pmg.sim.shafts import SIDES, other_side
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from pmg.pipeline.diagnosis.engine.found_set import Naming
 
 CHECKS = {
@@ -27,6 +25,10 @@ CHECKS = {
 decisive first."""
 
 
+BY_HAND_MIN = 20.0
+"""Time that such a check is taken to need [min]."""
+
+
 def nothing_yet(naming: Naming[Any, Any] | None, *, test_tells: bool) -> str:
     """What to do on the bench while several causes are open: nothing, and a check by hand where no test would tell.
 
@@ -39,21 +41,16 @@ def nothing_yet(naming: Naming[Any, Any] | None, *, test_tells: bool) -> str:
     """
     if test_tells:
         return "Repair nothing yet: the next test tells."
-    check = "" if naming is None else _direct_check([each.fits for each in (naming.best, *naming.rivals)])
+    check, _ = check_by_hand(naming)
     return f"Repair nothing yet. To tell by hand: {check}." if check else "Repair nothing yet."
 
 
-def _direct_check(sets: Sequence[Sequence[Any]]) -> str:
-    """A check that tells some of a list of sets of causes from the others; empty where none is known.
-
-    Parameters
-    ----------
-    sets : sequence of sequence of fit
-        Each has an `identifier` and a `place`; the leading set first.
-    """
-    everywhere = set.intersection(*({fit.identifier for fit in fits} for fits in sets))
+def check_by_hand(naming: Naming[Any, Any] | None) -> tuple[str, str]:
+    """A check that tells some of the possible causes from the others, and the one that it shows; empty without."""
+    sets = () if naming is None else (naming.best.fits, *(rival.fits for rival in naming.rivals))
+    everywhere = set.intersection(*({fit.identifier for fit in fits} for fits in sets)) if sets else set()
     places = {fit.identifier: fit.place for fits in reversed(sets) for fit in fits}
     for name, check in CHECKS.items():
         if name not in everywhere and places.get(name) in SIDES:
-            return check.format(shaft=places[name], other=other_side(places[name]))
-    return ""
+            return check.format(shaft=places[name], other=other_side(places[name])), name
+    return "", ""

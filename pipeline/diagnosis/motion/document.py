@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.design.direct_check import BY_HAND_MIN, check_by_hand
 from pmg.pipeline.diagnosis.engine.conclusion import probabilities
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.document import SCHEMA, form_of, legible, near_ties
 from pmg.pipeline.diagnosis.grid.rivals import CLOSE, NONE_KNOWN, nearest_share, rival_row, why_not_named, why_open
-from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER, merged
+from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER
+from pmg.pipeline.diagnosis.motion.design.remedy import telling_runs
 from pmg.pipeline.diagnosis.motion.fitted_size import IN_ALL, FittedSize
 from pmg.pipeline.diagnosis.motion.places import follows, signal_of, size_of
 from pmg.pipeline.diagnosis.motion.statement import (
@@ -80,16 +82,7 @@ def motion_document(diagnosis: MotionDiagnosis) -> dict[str, Any]:
         "held_out": None
         if held is None
         else held.document("Nm") | {"placebo_gain_Nm": held.placebo_gain, "expected_Nm": held.expected_after},
-        "next_tests": [
-            {
-                "description": run.description,
-                "points": [],
-                "minutes": run.minutes,
-                "separates": list(run.separates),
-                "power": run.power,
-            }
-            for run in merged(diagnosis.next_runs)
-        ],
+        "next_tests": _next_tests(diagnosis),
         "decoys": None if diagnosis.decoys is None else asdict(diagnosis.decoys),
         "design": {
             "blind_to_slow_changes": [],
@@ -99,6 +92,32 @@ def motion_document(diagnosis: MotionDiagnosis) -> dict[str, Any]:
         "shape": None,
     }
     return {name: legible(value) for name, value in document.items()}
+
+
+def _next_tests(diagnosis: MotionDiagnosis) -> list[dict[str, Any]]:
+    """The runs that may tell; where none does, a check by hand, whose time and power are not known."""
+    runs = [
+        {
+            "description": run.description,
+            "points": [],
+            "minutes": run.minutes,
+            "separates": list(run.separates),
+            "power": run.power,
+        }
+        for run in telling_runs(diagnosis)
+    ]
+    check, separates = check_by_hand(diagnosis.naming) if diagnosis.verdict is Verdict.AMBIGUOUS else ("", "")
+    if runs or not check:
+        return runs
+    return [
+        {
+            "description": f"By hand: {check}",
+            "points": [],
+            "minutes": BY_HAND_MIN,
+            "separates": [separates],
+            "power": None,
+        }
+    ]
 
 
 def _component_of(place: MotionPlace) -> Component | None:

@@ -11,6 +11,7 @@ from pmg.pipeline.diagnosis.motion.places import where_to_look
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
+    from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun
 
 REMEDIES = {
     "rotor_inertia": "check the drawing of the {shaft} rotor for parts it lacks",
@@ -72,9 +73,15 @@ def would_tell(diagnosis: MotionDiagnosis) -> bool:
     return any(run.power >= LIKELY for run in diagnosis.next_runs)
 
 
+def telling_runs(diagnosis: MotionDiagnosis) -> tuple[NextRun, ...]:
+    """The runs that are worth their time, each once; all of a campaign that cannot see a mechanism."""
+    every = merged(diagnosis.next_runs)
+    return every if diagnosis.verdict is Verdict.CONFOUNDED else tuple(r for r in every if r.power >= LEAST_POWER)
+
+
 def next_run(diagnosis: MotionDiagnosis) -> str:
     """The run that tells most, or that none would tell, to go on after a colon."""
-    best = max(merged(diagnosis.next_runs), key=lambda run: run.power)
-    if best.power >= LEAST_POWER:
-        return best.words
-    return f"look for the cause on the bench: of the runs that were tried the best would tell in {best.power:.0%}"
+    if runs := telling_runs(diagnosis):
+        return max(runs, key=lambda run: run.power).words
+    best = max(run.power for run in diagnosis.next_runs)
+    return f"look for the cause on the bench: of the runs that were tried the best would tell in {best:.0%}"
