@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from tests.diagnosis.test_motion import _campaign, _with_torque
 
@@ -14,7 +14,7 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.fitted import fit_constants
-from pmg.pipeline.diagnosis.motion.noise.turn_origins import TurnOrigins, turn_origins
+from pmg.pipeline.diagnosis.motion.noise.turn_origins import TurnOrigins
 from pmg.pipeline.motion.run import MovingRun
 from pmg.sim.bench import load_bench
 from pmg.sim.shafts import PerShaft
@@ -29,13 +29,13 @@ def _waved(seed: int, order: int, phases: tuple[float, ...], size: float = SIZE)
     return tuple(_with_torque(run, size * np.cos(order * run.angle.sun - phase) * run.turns.sun) for run, phase in runs)
 
 
-def _origins(runs: tuple[MovingRun, ...]) -> TurnOrigins | None:
-    before, _, noise = fit_constants(runs, load_bench())
-    return turn_origins(before, noise[0].slow_noise)
+def _origins(runs: tuple[MovingRun, ...]) -> tuple[TurnOrigins, ...]:
+    before, *_ = fit_constants(runs, load_bench())
+    return before.origins
 
 
 @given(st.tuples(*[st.floats(0.0, 6.28)] * 6), st.sampled_from([1, 2, 9]))
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4, deadline=None, phases=(Phase.explicit, Phase.generate))
 def test_phases_of_the_runs_are_found_but_for_one_of_all(phases: tuple[float, ...], order: int) -> None:
     """Unless they begin nearly alike, so that one phase for all explains the wave."""
     runs = _waved(41, order, phases)
@@ -44,9 +44,10 @@ def test_phases_of_the_runs_are_found_but_for_one_of_all(phases: tuple[float, ..
     together = abs(np.mean(np.exp(1j * np.array([phase for _, phase in turning]))))
     if together > 0.9:
         return
-    assert found is not None
-    assert (found.side, found.order) == ("sun", order)
-    off = np.exp(1j * np.array([phase - order * found.angles[run.name] for run, phase in turning]))
+    assert found
+    assert (found[0].wave.side, found[0].wave.order) == ("sun", order)
+    moved = [sum(origins.angles[run.name] for origins in found) for run, _ in turning]
+    off = np.exp(1j * np.array([phase - order * by for (_, phase), by in zip(turning, moved, strict=True)]))
     assert abs(np.mean(off)) > 0.98
 
 
@@ -57,13 +58,13 @@ def test_a_wave_in_another_phase_in_each_run_is_named_once_the_runs_are_aligned(
     assert found.naming is not None
     assert [fit.identifier for fit in found.naming.best.fits] == ["shaft_unbalance"]
     assert found.fitted_sizes[0].value == pytest.approx(SIZE, rel=0.1)
-    assert found.origins is not None
+    assert {(each.wave.side, each.wave.order) for each in found.before.origins} == {("sun", 1)}
     assert "The sun encoder does not keep its turn from run to run" in motion_document(found)["statement"]
 
 
 @pytest.mark.parametrize("seed", [43, 44, 45])
 def test_noise_aligns_no_runs(seed: int) -> None:
-    assert _origins(_campaign(seed)) is None
+    assert not _origins(_campaign(seed))
 
 
 def test_counters_that_go_on_are_left_as_they_are() -> None:
@@ -73,4 +74,4 @@ def test_counters_that_go_on_are_left_as_they_are() -> None:
         angle = run.angle.sun + end
         runs.append(replace(run, angle=PerShaft(angle, run.angle.ring)))
         end = float(angle[-1])
-    assert _origins(tuple(runs)) is None
+    assert not _origins(tuple(runs))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
+    from pmg.pipeline.diagnosis.motion.noise.turn_origins import TurnOrigins
     from pmg.pipeline.diagnosis.motion.rows import RotorRows, RotorState
     from pmg.pipeline.motion.lag import Lag
     from pmg.sim.signals import Array
@@ -59,6 +60,8 @@ class MotionBaseline:
         Transducers that lag.
     of_noise : tuple of (n,) array
         Noise of the angles in the torque of the lags [N m]; `beside` is calculated from signals without noise.
+    origins : tuple of TurnOrigins
+        By what runs were aligned whose counters begin their turns anew.
     """
 
     sheet: DataSheet
@@ -69,6 +72,7 @@ class MotionBaseline:
     amounts: Array = field(default_factory=lambda: np.zeros(0))
     lags: tuple[Lag, ...] = ()
     of_noise: tuple[Array, ...] = ()
+    origins: tuple[TurnOrigins, ...] = ()
 
     @cached_property
     def clean(self) -> MotionBaseline:

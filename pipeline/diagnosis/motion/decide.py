@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
@@ -14,15 +15,16 @@ from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, s
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 from pmg.pipeline.diagnosis.motion.candidates.library import library
-from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue
+from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, columns_beside
 from pmg.pipeline.diagnosis.motion.design.next_runs import runs_to_see, runs_to_tell
 from pmg.pipeline.diagnosis.motion.design.unseen import unseen
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
-from pmg.pipeline.diagnosis.motion.fitted import fit_constants, fitted_together
+from pmg.pipeline.diagnosis.motion.fitted import fit_constants
+from pmg.pipeline.diagnosis.motion.fitted_size import error_of_law, fitted_size
 from pmg.pipeline.diagnosis.motion.naming import SEARCH_STEPS, name_causes
-from pmg.pipeline.diagnosis.motion.noise.turn_origins import BY_CHANCE, turn_origins
 from pmg.pipeline.diagnosis.motion.withheld import WithheldRuns, by_kind, by_run
 from pmg.pipeline.files.progress import Steps
+from pmg.pipeline.fit.span import pseudo_inverse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -35,7 +37,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.design.unseen import Unseen
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.pipeline.diagnosis.motion.fitted_size import FittedSize
-    from pmg.pipeline.diagnosis.motion.noise.turn_origins import TurnOrigins
     from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
@@ -95,8 +96,6 @@ class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
     next_runs : tuple of NextRun
         Of an ambiguous campaign, what tells each rival from the leading cause, in order, and a shaft that is open; of
         a confounded one, what shows each mechanism that it cannot see.
-    origins : TurnOrigins, optional
-        By what runs were aligned whose counters begin their turns anew.
     """
 
     campaign: str
@@ -110,7 +109,6 @@ class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
     fitted_sizes: tuple[FittedSize, ...]
     unseen: tuple[Unseen, ...]
     next_runs: tuple[NextRun, ...] = ()
-    origins: TurnOrigins | None = None
 
 
 def diagnose_motion(
@@ -122,9 +120,6 @@ def diagnose_motion(
     known: Mapping[str, tuple[float, float]] | None = None,
 ) -> MotionDiagnosis:
     """Test for a mismatch, search the library for what makes it, prove it on kinds of run that took no part.
-
-    Where the library has nothing, or the ripple of a turn is larger than usual, and counters begin their turns anew in
-    each run, the runs are aligned by a wave of a turn that they show, and the library is searched again.
 
     Parameters
     ----------
@@ -141,33 +136,7 @@ def diagnose_motion(
     known : mapping of str to (float, float), optional
         Constants that are known from other runs, each with its standard error.
     """
-
-    def diagnosed(runs: tuple[MovingRun, ...]) -> MotionDiagnosis:
-        return _diagnosed(campaign, runs, bench, rng, Steps(progress, *STEPS), known)
-
-    found = diagnosed(runs)
-    slow_noise = found.evidence.noise[0].slow_noise
-    if found.verdict is not Verdict.NOT_IN_LIBRARY and not slow_noise.ripples_unusually:
-        return found
-    origins = turn_origins(found.before, slow_noise)
-    if origins is None:
-        return found
-    aligned = diagnosed(tuple(map(origins.of, runs)))
-    if not aligned.verdict.names:
-        return found
-    p_value = max(found.mismatch.p_value if found.mismatch.found else BY_CHANCE, aligned.mismatch.p_value)
-    return replace(aligned, mismatch=replace(aligned.mismatch, p_value=p_value), origins=origins)
-
-
-def _diagnosed(
-    campaign: str,
-    runs: tuple[MovingRun, ...],
-    bench: BenchParameters,
-    rng: np.random.Generator,
-    steps: Steps,
-    known: Mapping[str, tuple[float, float]] | None,
-) -> MotionDiagnosis:
-    """A campaign as its counters have it."""
+    steps = Steps(progress, *STEPS)
     steps.begin(STEPS[0])
     before, covariance, noise = fit_constants(runs, bench, known)
     steps.begin(STEPS[1])
@@ -184,7 +153,7 @@ def _diagnosed(
         if blind and conclusion.verdict is Verdict.NOT_IN_LIBRARY:
             conclusion = replace(conclusion, verdict=Verdict.CONFOUNDED)
         named = conclusion.naming.best.fits if conclusion.verdict.names and conclusion.naming is not None else ()
-        together = fitted_together(found, named)
+        together = _together(found, named)
     alone = before.values, np.sqrt(np.diag(covariance)), (), (), ()
     constants, errors, sizes, size_errors, fitted_sizes = together or alone
     next_runs: tuple[NextRun, ...] = ()
@@ -253,6 +222,44 @@ def _proof(
         return of_runs if of_kinds is None or (of_runs is not None and of_runs.kept == 1.0) else of_kinds
 
     return prove
+
+
+def _together(
+    found: MotionEvidence, fits: tuple[TermFit, ...]
+) -> tuple[Array, Array, tuple[Array, ...], tuple[Array, ...], tuple[FittedSize, ...]]:
+    """Constants and parameters fitted together about those of the evidence, each with its standard errors.
+
+    What is known of a mechanism is not fitted: its error is zero.
+    """
+    slopes = [found.problem.slopes(fit) for fit in fits]
+    free = [fit.candidate.free_parameters for fit in fits]
+    columns = np.hstack([columns_beside(found, fits), *(s * f for s, f in zip(slopes, free, strict=True))])
+    effect = sum((s[:, : len(f.amplitudes)] @ f.amplitudes for s, f in zip(slopes, fits, strict=True)), 0.0 * found.y)
+    inverse = pseudo_inverse(columns)
+    moved = inverse @ (found.y - effect)
+    covariance = found.covariance_of(inverse)
+    errors = np.sqrt(np.diag(covariance))
+    ends = np.cumsum([found.columns.shape[1], *(s.shape[1] for s in slopes)])
+    values = [np.r_[fit.amplitudes, [fit.shape] if fit.candidate.shape is not None else []] for fit in fits]
+    sizes = [v + f * m for v, f, m in zip(values, free, np.split(moved, ends)[1:], strict=False)]
+    of_fits = [covariance[a:b, a:b] for a, b in itertools.pairwise(ends)]
+    wholes = tuple(
+        fitted_size(
+            fit,
+            value,
+            of_fit,
+            found.baseline.sheet.poles,
+            error_of_law(found.problem, fits, place),
+        )
+        for place, (fit, value, of_fit) in enumerate(zip(fits, sizes, of_fits, strict=True))
+    )
+    return (
+        found.baseline.values + moved[: ends[0]],
+        errors[: ends[0]],
+        tuple(sizes),
+        tuple(f * error for f, error in zip(free, np.split(errors, ends)[1:], strict=False)),
+        wholes,
+    )
 
 
 def _absorbed(before: MotionBaseline, constants: Array, errors: Array) -> tuple[Absorbed, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, cast
@@ -11,16 +10,14 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline, start_baseline
 from pmg.pipeline.diagnosis.motion.candidates.terms import torque_of_terms
-from pmg.pipeline.diagnosis.motion.catalogue import columns_beside
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.families import slow_structures, zeros_in_time
-from pmg.pipeline.diagnosis.motion.fitted_size import error_of_law, fitted_size
 from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise
 from pmg.pipeline.diagnosis.motion.noise.shown import slow_noise_of
+from pmg.pipeline.diagnosis.motion.noise.turn_origins import turn_origins
 from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
-from pmg.pipeline.fit.span import pseudo_inverse
 from pmg.pipeline.motion.lag import Lag
 from pmg.pipeline.motion.smooth import smooth
 from pmg.sim.errors import FitError
@@ -32,9 +29,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
-    from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
-    from pmg.pipeline.diagnosis.motion.fitted_size import FittedSize
     from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise
+    from pmg.pipeline.diagnosis.motion.noise.turn_origins import TurnOrigins
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
@@ -66,18 +62,31 @@ def fit_constants(
     Wander and ripple are what the residuals of a first fit show beside all that may explain them, zeros that follow a
     smooth curve of time among it: what moves over the campaign is no wander, and is not to be taken for one because
     constants took up a part of it.
+    Runs whose counters begin their turns anew are aligned by waves of a turn that they show, and fitted again.
     """
-    start = _start(runs, bench, known or {})
-    noise = [row_noise(start, place) for place in range(len(start.stretches))]
-    rough, _ = fit_beside(start, noise, ())
-    noise = noise_beside(rough, noise)
-    before, covariance = fit_beside(rough, noise, ())
+    before, covariance, noise = _fit_with_noise(runs, bench, known or {})
+    aligned: tuple[TurnOrigins, ...] = ()
+    while origins := turn_origins(before, noise[0].slow_noise, aligned):
+        runs, aligned = tuple(map(origins.of, runs)), (*aligned, origins)
+        before, covariance, noise = _fit_with_noise(runs, bench, known or {})
+    before = replace(before, origins=aligned)
     doubted = _with_denser_torque(before, noise) - before.values
     stiffer = np.zeros(len(before.sheet))
     for at in (before.sheet.at(f"compliance_{side}") for side in SIDES):
         stiffer[at] = STIFFER * before.values[at]
     covariance = covariance + _of_wander_between_runs(before, covariance, noise)
     return before, covariance + np.outer(doubted, doubted) + np.diag(stiffer**2), noise
+
+
+def _fit_with_noise(
+    runs: tuple[MovingRun, ...], bench: BenchParameters, known: Mapping[str, tuple[float, float]]
+) -> tuple[MotionBaseline, Array, list[RowNoise]]:
+    """The constants by the rows alone, their covariance (k, k), and the noise that a first fit shows."""
+    start = _start(runs, bench, known)
+    noise = [row_noise(start, place) for place in range(len(start.stretches))]
+    rough, _ = fit_beside(start, noise, ())
+    noise = noise_beside(rough, noise)
+    return *fit_beside(rough, noise, ()), noise
 
 
 def _of_wander_between_runs(fitted: MotionBaseline, covariance: Array, noise: list[RowNoise]) -> Array:
@@ -167,44 +176,6 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
         else:
             found = with_instruments(found)
     return replace(found, sheet=start.sheet), covariance
-
-
-def fitted_together(
-    found: MotionEvidence, fits: tuple[TermFit, ...]
-) -> tuple[Array, Array, tuple[Array, ...], tuple[Array, ...], tuple[FittedSize, ...]]:
-    """Constants and parameters fitted together about those of the evidence, each with its standard errors.
-
-    What is known of a mechanism is not fitted: its error is zero.
-    """
-    slopes = [found.problem.slopes(fit) for fit in fits]
-    free = [fit.candidate.free_parameters for fit in fits]
-    columns = np.hstack([columns_beside(found, fits), *(s * f for s, f in zip(slopes, free, strict=True))])
-    effect = sum((s[:, : len(f.amplitudes)] @ f.amplitudes for s, f in zip(slopes, fits, strict=True)), 0.0 * found.y)
-    inverse = pseudo_inverse(columns)
-    moved = inverse @ (found.y - effect)
-    covariance = found.covariance_of(inverse)
-    errors = np.sqrt(np.diag(covariance))
-    ends = np.cumsum([found.columns.shape[1], *(s.shape[1] for s in slopes)])
-    values = [np.r_[fit.amplitudes, [fit.shape] if fit.candidate.shape is not None else []] for fit in fits]
-    sizes = [v + f * m for v, f, m in zip(values, free, np.split(moved, ends)[1:], strict=False)]
-    of_fits = [covariance[a:b, a:b] for a, b in itertools.pairwise(ends)]
-    wholes = tuple(
-        fitted_size(
-            fit,
-            value,
-            of_fit,
-            found.baseline.sheet.poles,
-            error_of_law(found.problem, fits, place),
-        )
-        for place, (fit, value, of_fit) in enumerate(zip(fits, sizes, of_fits, strict=True))
-    )
-    return (
-        found.baseline.values + moved[: ends[0]],
-        errors[: ends[0]],
-        tuple(sizes),
-        tuple(f * error for f, error in zip(free, np.split(errors, ends)[1:], strict=False)),
-        wholes,
-    )
 
 
 def _whitener(noise: list[RowNoise]) -> Callable[[int, Array], Array]:

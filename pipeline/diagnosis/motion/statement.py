@@ -58,8 +58,8 @@ def statement(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
         return f"{' '.join(sentences)}{_unseen(diagnosis)}"
     if naming is not None and naming.best.bent and diagnosis.verdict.names:
         sentences.append(bent_sentence(naming, [name for fit in naming.best.fits for name in term_of(fit).follows]))
-    if diagnosis.origins is not None:
-        sentences.append(diagnosis.origins.sentence)
+    if diagnosis.before.origins and any(term_of(fit).of_turn for fit in named_fits(diagnosis)):
+        sentences += dict.fromkeys(origins.sentence for origins in diagnosis.before.origins)
     sentences += [_size(diagnosis, i, effect) for i, effect in enumerate(effects)]
     sentences += [proof_sentence(diagnosis), advice(diagnosis)]
     return " ".join(sentence for sentence in sentences if sentence)

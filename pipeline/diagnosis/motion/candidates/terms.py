@@ -95,6 +95,11 @@ class MotionTerm(Term[RotorView]):
         return self.component.endswith("torque_transducer")
 
     @property
+    def of_turn(self) -> bool:
+        """Whether it comes back with the turn of a shaft, in a phase that it has as a cosine and a sine."""
+        return self.amplitudes[0].name == "cosine"
+
+    @property
     def comes_late(self) -> bool:
         """Whether it shows a torque later than it is, as a skew of the baseline does."""
         return self.of_transducer and any(name.startswith("skew") for name in self.mimicked_by)

@@ -35,10 +35,6 @@ PASSED_ON = 2e-3
 """Standard deviation of the part of the other shaft's torque that comes to a held one through the frame in a run."""
 
 
-USUAL_RIPPLE = 5e-3
-"""Standard deviation of the waves of a turn that a reading may show otherwise in each run [N m]."""
-
-
 @dataclass(frozen=True)
 class SlowNoise:
     """Wander of the readings, and what their ripple of a turn differs between runs.
@@ -53,12 +49,7 @@ class SlowNoise:
     """
 
     wander: PerShaft[Wander] = field(default_factory=lambda: per_shaft(lambda _: Wander.of(1e-3)))
-    ripple: tuple[float, ...] = (USUAL_RIPPLE,) * len(RIPPLE)
-
-    @property
-    def ripples_unusually(self) -> bool:
-        """Whether the ripple of a turn is more than transducers usually show: it may be a cause."""
-        return max(self.ripple) > USUAL_RIPPLE
+    ripple: tuple[float, ...] = (5e-3,) * len(RIPPLE)
 
 
 USUAL = SlowNoise()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import chi2
 
-from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS, RIPPLE, start_name
+from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS, RIPPLE, eccentricity_names, ripple_names, start_name
 from pmg.pipeline.diagnosis.motion.noise.row_noise import USUAL, row_noise
 from pmg.pipeline.diagnosis.motion.stance import eccentric
 from pmg.pipeline.diagnosis.motion.view import views_of
@@ -35,40 +35,86 @@ AS_LARGE = 0.8
 as large in every run, and of noise alone this is pi/4."""
 
 
+REFINED = 3
+"""Times that the same wave aligns runs at most."""
+
+
 @dataclass(frozen=True)
-class TurnOrigins:
-    """By how much the angle of a shaft is to be less in each run, so that its turns begin alike.
+class TurnWave:
+    """A wave of a turn of a shaft.
 
     Parameters
     ----------
     side : str
         The shaft.
     order : int
-        Periods a turn of the wave that aligns them.
-    angles : dict of str to float
-        By run [rad]; a run that shows no wave is left as it is.
+        Periods a turn.
+    of_encoder : bool
+        Whether its encoder shows it, and not the torque.
+    engaged_only : bool
+        Whether it is there in engaged runs alone.
     """
 
     side: str
     order: int
+    of_encoder: bool = False
+    engaged_only: bool = False
+
+    @property
+    def fast(self) -> bool:
+        """Whether it is one of cogging."""
+        return self.order not in RIPPLE
+
+    def columns(self, view: RotorView) -> Array | None:
+        """Cosine and sine at the fine samples (n, 2); None where it does not act."""
+        stretch = view.state.stretch
+        if stretch.at_rest or not stretch.run.run.turns[self.side] or (self.engaged_only and not view.coupled):
+            return None
+        if self.of_encoder:
+            return np.stack(eccentric(view.state, self.side), 1) if view.coupled or view.side == self.side else None
+        return view.wave(self.side, self.order) if view.side == self.side else None
+
+    def fitted(self, baseline: MotionBaseline) -> Array:
+        """Cosine and sine that the constants of a baseline have of it (2,)."""
+        if self.fast:
+            return np.zeros(2)
+        names = eccentricity_names(self.side) if self.of_encoder else ripple_names(self.side, self.order)
+        return np.asarray(baseline.values[list(map(baseline.sheet.at, names))])
+
+
+@dataclass(frozen=True)
+class TurnOrigins:
+    """By how much the angle of a shaft is to be less in each run, so that its turns begin alike.
+
+    Parameters
+    ----------
+    wave : TurnWave
+        The wave that aligns them.
+    angles : dict of str to float
+        By run [rad]; a run that shows no wave is left as it is.
+    """
+
+    wave: TurnWave
     angles: dict[str, float]
 
     @property
     def sentence(self) -> str:
         """What was done, as people read it."""
-        often = {1: "once", 2: "twice"}.get(self.order, f"{self.order} times")
+        often = {1: "once", 2: "twice"}.get(self.wave.order, f"{self.wave.order} times")
         return (
-            f"The {self.side} encoder does not keep its turn from run to run: the runs were aligned by the wave that "
+            f"The {self.wave.side} encoder does not keep its turn from run to run: runs were aligned by the wave that "
             f"they show {often} a turn."
         )
 
     def of(self, run: MovingRun) -> MovingRun:
         """A run whose turns begin as those of the others."""
-        moved = run.angle[self.side] - self.angles.get(run.name, 0.0)
-        return replace(run, angle=per_shaft(lambda side: moved if side == self.side else run.angle[side]))
+        moved, of = run.angle[self.wave.side] - self.angles.get(run.name, 0.0), self.wave.side
+        return replace(run, angle=per_shaft(lambda side: moved if side == of else run.angle[side]))
 
 
-def turn_origins(fitted: MotionBaseline, slow_noise: SlowNoise) -> TurnOrigins | None:
+def turn_origins(
+    fitted: MotionBaseline, slow_noise: SlowNoise, known: tuple[TurnOrigins, ...] = ()
+) -> TurnOrigins | None:
     r"""Origins of the turns of a shaft whose runs show a wave of a turn, each in a phase of its own; None without.
 
     Parameters
@@ -77,69 +123,73 @@ def turn_origins(fitted: MotionBaseline, slow_noise: SlowNoise) -> TurnOrigins |
         The constants of a campaign, with what they leave.
     slow_noise : SlowNoise
         Wander that they show; any ripple of a turn up to the usual one passes for noise.
+    known : tuple of TurnOrigins
+        By what the runs are aligned already. A shaft is aligned by a slow wave, of its encoder or once or twice a turn,
+        and then by one fast wave, whose phases are finer; each again as the fit comes nearer to it.
 
     Notes
     -----
     With the products :math:`G_r` of the two whitened columns of a wave in run r, and those :math:`b_r` with what is
     left, a phase for each of R runs explains :math:`\sum_r b_r^T G_r^{-1} b_r - b^T G^{-1} b` more than one phase for
     all, G and b being the sums; noise makes that :math:`\chi^2` with 2 (R - 1) degrees of freedom. Of the waves that
-    are no chance, the one whose size is most alike in all runs aligns them.
+    are no chance, a slow one before a fast one, that whose size is most alike in all runs aligns them.
     """
     if _keep_their_turn(fitted):
         return None
-    views, slow_noise = views_of(fitted.clean), replace(slow_noise, ripple=USUAL.ripple)
-    noise = [row_noise(fitted, place, slow_noise) for place in range(len(views))]
+    slow_noise = replace(slow_noise, ripple=USUAL.ripple)
+    noise = [row_noise(fitted, place, slow_noise) for place in range(len(fitted.stretches))]
     left = [each.white(fitted.left(place)[:, None])[:, 0] for place, each in enumerate(noise)]
     unit = max(float(np.mean(np.concatenate(left) ** 2)), 1.0)
-    tried, alike, found = tuple(_waves()), AS_LARGE, None
-    for wave in tried:
-        products = _products(wave, views, noise, left)
+    open_ = [wave for wave in _waves() if _may_align(wave, [origins.wave for origins in known])]
+    found: list[tuple[bool, float, TurnOrigins]] = []
+    for wave, products in _products(open_, fitted, noise, left).items():
         if len(products) < 2:
             continue
+        together = np.sum(list(products.values()), axis=0)
         phases = {run: _phase(each) for run, each in products.items()}
         apart = sum(map(_explained, products.values()))
-        more = (apart - _explained(np.sum(list(products.values()), axis=0))) / unit
-        chance = len(tried) * float(chi2.sf(more, 2 * (len(products) - 1)))
+        chance = len(open_) * float(chi2.sf((apart - _explained(together)) / unit, 2 * (len(products) - 1)))
         as_large = _explained(np.sum([_turned(each, phases[run]) for run, each in products.items()], axis=0)) / apart
-        if chance < BY_CHANCE and as_large > alike:
-            angles = {run: phase / wave.order for run, phase in phases.items()}
-            alike, found = as_large, TurnOrigins(wave.side, wave.order, angles)
-    return found
+        if chance < BY_CHANCE and as_large > AS_LARGE:
+            off = {run: float(np.angle(np.exp(1j * (phase - _phase(together))))) for run, phase in phases.items()}
+            origins = TurnOrigins(wave, {run: each / wave.order for run, each in off.items()})
+            found.append((not wave.fast, as_large, origins))
+    return max(found, key=lambda each: each[:2])[2] if found else None
 
 
-def _products(wave: _Wave, views: list[RotorView], noise: list[RowNoise], left: list[Array]) -> dict[str, Array]:
-    """Products (2, 3) of the whitened columns of a wave with each other and with what is left, of each run with it."""
-    found: dict[str, Array] = {}
-    for view, each, rows in zip(views, noise, left, strict=True):
-        columns = wave.columns(view)
-        if columns is not None:
-            run, white = view.state.stretch.run.run.name, each.white(view.state.stretch.of_rows(columns))
-            found[run] = found.get(run, 0.0) + white.T @ np.c_[white, rows]
-    return {run: each for run, each in found.items() if np.linalg.det(each[:, :2]) > 0.0}
+def _may_align(wave: TurnWave, known: list[TurnWave]) -> bool:
+    """Whether a wave may align runs that others aligned: the same again, or the first fast one of its shaft."""
+    own = [each for each in known if each.side == wave.side]
+    if wave in own:
+        return own.count(wave) < REFINED and own[-1] == wave
+    return not own or (wave.fast and not any(each.fast for each in own))
 
 
-@dataclass(frozen=True)
-class _Wave:
-    """A wave of a turn of a shaft; `of_encoder` where its encoder shows it, not the torque."""
+def _products(
+    waves: list[TurnWave], fitted: MotionBaseline, noise: list[RowNoise], left: list[Array]
+) -> dict[TurnWave, dict[str, Array]]:
+    """Products (2, 3) of the whitened columns of each wave with each other and with what shows of it, by run."""
+    found: dict[TurnWave, dict[str, Array]] = {wave: {} for wave in waves}
+    for view, each, rows in zip(views_of(fitted.clean), noise, left, strict=True):
+        acting = [(wave, columns) for wave in waves if (columns := wave.columns(view)) is not None]
+        if not acting:
+            continue
+        white = each.white(view.state.stretch.of_rows(np.hstack([columns for _, columns in acting])))
+        run = view.state.stretch.run.run.name
+        for (wave, _), own in zip(acting, np.split(white, len(acting), axis=1), strict=True):
+            shown = rows + own @ wave.fitted(fitted)
+            found[wave][run] = found[wave].get(run, 0.0) + own.T @ np.c_[own, shown]
+    return {
+        wave: {run: each for run, each in of_runs.items() if np.linalg.det(each[:, :2]) > 0.0}
+        for wave, of_runs in found.items()
+    }
 
-    side: str
-    order: int
-    of_encoder: bool = False
 
-    def columns(self, view: RotorView) -> Array | None:
-        """Cosine and sine at the fine samples (n, 2); None where it does not act."""
-        stretch = view.state.stretch
-        if stretch.at_rest or not stretch.run.run.turns[self.side]:
-            return None
-        if self.of_encoder:
-            return np.stack(eccentric(view.state, self.side), 1) if view.coupled or view.side == self.side else None
-        return view.wave(self.side, self.order) if view.side == self.side else None
-
-
-def _waves() -> Iterator[_Wave]:
-    for side, order in itertools.product(SIDES, (*RIPPLE, *COGGING_ORDERS)):
-        yield _Wave(side, order)
-    yield from (_Wave(side, 1, of_encoder=True) for side in SIDES)
+def _waves() -> Iterator[TurnWave]:
+    for side in SIDES:
+        yield TurnWave(side, 1, of_encoder=True)
+        yield from (TurnWave(side, order) for order in (*RIPPLE, *COGGING_ORDERS))
+        yield from (TurnWave(side, order, engaged_only=True) for order in COGGING_ORDERS)
 
 
 def _explained(products: Array) -> float:
