@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import chi2
 
-from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS, RIPPLE, eccentricity_names, ripple_names, start_name
+from pmg.pipeline.diagnosis.motion.constants import (
+    COGGING_ORDERS,
+    ECCENTRICITY,
+    RIPPLE,
+    eccentricity_names,
+    ripple_names,
+    start_name,
+)
 from pmg.pipeline.diagnosis.motion.noise.row_noise import USUAL, row_noise
 from pmg.pipeline.diagnosis.motion.stance import eccentric
 from pmg.pipeline.diagnosis.motion.view import views_of
@@ -34,6 +41,9 @@ AS_LARGE = 0.8
 """Part of what the waves explain, each in its phase, that they must explain with one size too: what is of a shaft is
 as large in every run, and of noise alone this is pi/4."""
 
+
+USUAL_PART = 0.5
+"""Eccentricity of an encoder, over its standard deviation in the data sheet, from which on it aligns runs."""
 
 REFINED = 3
 """Times that the same wave aligns runs at most."""
@@ -73,6 +83,11 @@ class TurnWave:
         if self.of_encoder:
             return np.stack(eccentric(view.state, self.side), 1) if view.coupled or view.side == self.side else None
         return view.wave(self.side, self.order) if view.side == self.side else None
+
+    @property
+    def least(self) -> float:
+        """Size from which on it aligns runs: a smaller one of an encoder is what else is amiss, seen through it."""
+        return USUAL_PART * ECCENTRICITY if self.of_encoder else 0.0
 
     def fitted(self, baseline: MotionBaseline) -> Array:
         """Cosine and sine that the constants of a baseline have of it (2,)."""
@@ -149,8 +164,9 @@ def turn_origins(
         phases = {run: _phase(each) for run, each in products.items()}
         apart = sum(map(_explained, products.values()))
         chance = len(open_) * float(chi2.sf((apart - _explained(together)) / unit, 2 * (len(products) - 1)))
-        as_large = _explained(np.sum([_turned(each, phases[run]) for run, each in products.items()], axis=0)) / apart
-        if chance < BY_CHANCE and as_large > AS_LARGE:
+        aligned = np.sum([_turned(each, phases[run]) for run, each in products.items()], axis=0)
+        as_large, size = _explained(aligned) / apart, float(np.linalg.norm(_fitted(aligned)))
+        if chance < BY_CHANCE and as_large > AS_LARGE and size > wave.least:
             off = {run: float(np.angle(np.exp(1j * (phase - _phase(together))))) for run, phase in phases.items()}
             origins = TurnOrigins(wave, {run: each / wave.order for run, each in off.items()})
             found.append((not wave.fast, as_large, origins))
@@ -194,12 +210,17 @@ def _waves() -> Iterator[TurnWave]:
 
 def _explained(products: Array) -> float:
     """Sum of squares that two columns explain, by their products with each other and with what is left (2, 3)."""
-    return float(products[:, 2] @ np.linalg.solve(products[:, :2], products[:, 2]))
+    return float(products[:, 2] @ _fitted(products))
+
+
+def _fitted(products: Array) -> Array:
+    """Cosine and sine that fit (2,)."""
+    return np.asarray(np.linalg.solve(products[:, :2], products[:, 2]))
 
 
 def _phase(products: Array) -> float:
     """Phase of the wave that two columns fit [rad]."""
-    cosine, sine = np.linalg.solve(products[:, :2], products[:, 2])
+    cosine, sine = _fitted(products)
     return float(np.arctan2(sine, cosine))
 
 
