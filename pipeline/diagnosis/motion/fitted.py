@@ -12,9 +12,9 @@ from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline,
 from pmg.pipeline.diagnosis.motion.candidates.terms import torque_of_terms
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.families import slow_structures, zeros_in_time
+from pmg.pipeline.diagnosis.motion.noise.aligned_turns import turn_origins
 from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise
 from pmg.pipeline.diagnosis.motion.noise.shown import slow_noise_of
-from pmg.pipeline.diagnosis.motion.noise.turn_origins import turn_origins
 from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
