@@ -40,6 +40,8 @@ AS_LARGE = 0.8
 """Part of what the waves explain, each in its phase, that they must explain with one size too: what is of a shaft is
 as large in every run, and of noise alone this is pi/4."""
 
+LEAST_SEEN = 1e-6
+"""Determinant of the squares of two columns, over the square of their sum, from which on a run shows them both."""
 
 REFINED = 3
 """Times that the same wave aligns runs at most."""
@@ -76,11 +78,10 @@ def turn_origins(
     open_ = [wave for wave in _waves() if _may_align(wave, [origins.wave for origins in known])]
     found: list[tuple[bool, float, TurnOrigins]] = []
     for wave, products in _products(open_, fitted, noise, left).items():
-        if len(products) < 2:
+        if len(products) < 2 or not (apart := sum(map(_explained, products.values()))):
             continue
         together = np.sum(list(products.values()), axis=0)
         phases = {run: _phase(each) for run, each in products.items()}
-        apart = sum(map(_explained, products.values()))
         chance = len(open_) * float(chi2.sf((apart - _explained(together)) / unit, 2 * (len(products) - 1)))
         aligned = np.sum([_turned(each, phases[run]) for run, each in products.items()], axis=0)
         as_large, size = _explained(aligned) / apart, float(np.linalg.norm(_fitted(aligned)))
@@ -113,10 +114,13 @@ def _products(
         for (wave, _), own in zip(acting, np.split(white, len(acting), axis=1), strict=True):
             shown = rows + own @ _of_constants(wave, fitted)
             found[wave][run] = found[wave].get(run, 0.0) + own.T @ np.c_[own, shown]
-    return {
-        wave: {run: each for run, each in of_runs.items() if np.linalg.det(each[:, :2]) > 0.0}
-        for wave, of_runs in found.items()
-    }
+    return {wave: {run: each for run, each in of.items() if _seen(each)} for wave, of in found.items()}
+
+
+def _seen(products: Array) -> bool:
+    """Whether a run shows both columns of a wave."""
+    squares = products[:, :2]
+    return bool(np.linalg.det(squares) > LEAST_SEEN * np.trace(squares) ** 2)
 
 
 def _columns(wave: TurnWave, view: RotorView) -> Array | None:
