@@ -67,7 +67,8 @@ def turn_origins(
     With the products :math:`G_r` of the two whitened columns of a wave in run r, and those :math:`b_r` with what is
     left, a phase for each of R runs explains :math:`\sum_r b_r^T G_r^{-1} b_r - b^T G^{-1} b` more than one phase for
     all, G and b being the sums; noise makes that :math:`\chi^2` with 2 (R - 1) degrees of freedom. Of the waves that
-    are no chance, a slow one before a fast one, that whose size is most alike in all runs aligns them.
+    are no chance, a slow one before a fast one, that whose size is most alike in all runs aligns them, unless a wave in
+    one phase explains as much: others show a part of it, in a phase that depends on the run.
     """
     if _keep_their_turn(fitted):
         return None
@@ -75,21 +76,34 @@ def turn_origins(
     noise = [row_noise(fitted, place, slow_noise) for place in range(len(fitted.stretches))]
     left = [each.white(fitted.left(place)[:, None])[:, 0] for place, each in enumerate(noise)]
     unit = max(float(np.mean(np.concatenate(left) ** 2)), 1.0)
-    open_ = [wave for wave in _waves() if _may_align(wave, [origins.wave for origins in known])]
+    waves, tried = _products(fitted, noise, left), [origins.wave for origins in known]
+    alike = _most_in_one_phase(waves)
     found: list[tuple[bool, float, TurnOrigins]] = []
-    for wave, products in _products(open_, fitted, noise, left).items():
-        if len(products) < 2 or not (apart := sum(map(_explained, products.values()))):
+    for wave, products in waves.items():
+        apart = sum(_explained(each) for each in products.values())
+        if len(products) < 2 or not apart or not _may_align(wave, tried):
             continue
         together = np.sum(list(products.values()), axis=0)
         phases = {run: _phase(each) for run, each in products.items()}
-        chance = len(open_) * float(chi2.sf((apart - _explained(together)) / unit, 2 * (len(products) - 1)))
+        more = apart - _explained(together)
+        chance = len(waves) * float(chi2.sf(more / unit, 2 * (len(products) - 1)))
         aligned = np.sum([_turned(each, phases[run]) for run, each in products.items()], axis=0)
         as_large, size = _explained(aligned) / apart, float(np.linalg.norm(_fitted(aligned)))
-        if chance < BY_CHANCE and as_large > AS_LARGE and size > wave.least:
+        if chance < BY_CHANCE and more > alike[wave.side] and as_large > AS_LARGE and size > wave.least:
             off = {run: float(np.angle(np.exp(1j * (phase - _phase(together))))) for run, phase in phases.items()}
             origins = TurnOrigins(wave, {run: each / wave.order for run, each in off.items()})
             found.append((not wave.fast, as_large, origins))
     return max(found, key=lambda each: each[:2])[2] if found else None
+
+
+def _most_in_one_phase(waves: dict[TurnWave, dict[str, Array]]) -> dict[str, float]:
+    """The most that a wave in one phase for all runs explains of what is left, by shaft: others show it, too."""
+    found = dict.fromkeys(SIDES, 0.0)
+    for wave, products in waves.items():
+        if products:
+            whole = np.sum(list(products.values()), axis=0)
+            found[wave.side] = max(found[wave.side], _explained(whole[:, [0, 1, 3]]))
+    return found
 
 
 def _may_align(wave: TurnWave, known: list[TurnWave]) -> bool:
@@ -100,20 +114,18 @@ def _may_align(wave: TurnWave, known: list[TurnWave]) -> bool:
     return not own or (wave.fast and not any(each.fast for each in own))
 
 
-def _products(
-    waves: list[TurnWave], fitted: MotionBaseline, noise: list[RowNoise], left: list[Array]
-) -> dict[TurnWave, dict[str, Array]]:
-    """Products (2, 3) of the whitened columns of each wave with each other and with what shows of it, by run."""
-    found: dict[TurnWave, dict[str, Array]] = {wave: {} for wave in waves}
+def _products(fitted: MotionBaseline, noise: list[RowNoise], left: list[Array]) -> dict[TurnWave, dict[str, Array]]:
+    """Products (2, 4) of the whitened columns of each wave with each other, with what shows of it and what is left."""
+    found: dict[TurnWave, dict[str, Array]] = {wave: {} for wave in _waves()}
     for view, each, rows in zip(views_of(fitted.clean), noise, left, strict=True):
-        acting = [(wave, columns) for wave in waves if (columns := _columns(wave, view)) is not None]
+        acting = [(wave, columns) for wave in found if (columns := _columns(wave, view)) is not None]
         if not acting:
             continue
         white = each.white(view.state.stretch.of_rows(np.hstack([columns for _, columns in acting])))
         run = view.state.stretch.run.run.name
         for (wave, _), own in zip(acting, np.split(white, len(acting), axis=1), strict=True):
             shown = rows + own @ _of_constants(wave, fitted)
-            found[wave][run] = found[wave].get(run, 0.0) + own.T @ np.c_[own, shown]
+            found[wave][run] = found[wave].get(run, 0.0) + own.T @ np.c_[own, shown, rows]
     return {wave: {run: each for run, each in of.items() if _seen(each)} for wave, of in found.items()}
 
 
@@ -149,7 +161,7 @@ def _waves() -> Iterator[TurnWave]:
 
 
 def _explained(products: Array) -> float:
-    """Sum of squares that two columns explain, by their products with each other and with what is left (2, 3)."""
+    """Sum of squares that two columns explain, by their products with each other and with what shows (2, 3 or 4)."""
     return float(products[:, 2] @ _fitted(products))
 
 
