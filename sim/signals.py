@@ -32,6 +32,11 @@ NORMAL_MAD = 1.482602218505602
 """Standard deviation of normal numbers over the median of their absolute deviations."""
 
 
+def wrapped(angle: Array | float) -> Array:
+    """The angle between -pi and pi [rad]."""
+    return np.asarray(np.angle(np.exp(1j * np.asarray(angle))))
+
+
 @dataclass(frozen=True)
 class Signal:
     """A measured, simulated or derived quantity.

@@ -11,7 +11,7 @@ from scipy import fft
 
 from pmg.sim import sources
 from pmg.sim.errors import RecordingError
-from pmg.sim.signals import REVOLUTION
+from pmg.sim.signals import REVOLUTION, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -98,7 +98,7 @@ def _find_index(
     quickness = (angle[rows + 1] - angle[rows - 1]) / (2.0 * step)
     place = (latched + 0.5) * step
     middle = _circular_middle(place)
-    off = (np.angle(np.exp(1j * (place - middle)))) / step
+    off = wrapped(place - middle) / step
     kept = np.abs(off) <= CLUSTER + np.abs(quickness).max()
     if np.count_nonzero(kept) < max(FEWEST_PULSES, len(kept) / 2):
         return None
@@ -119,7 +119,7 @@ def _find_index(
 def _circular_middle(place: Array) -> float:
     """The place on the circle with the smallest sum of distances to the others, so that strays do not move it."""
     points = place[:: max(1, len(place) // 100)]
-    distance = np.abs(np.angle(np.exp(1j * (points[:, None] - place[None, :])))).sum(axis=1)
+    distance = np.abs(wrapped(points[:, None] - place[None, :])).sum(axis=1)
     return float(points[int(np.argmin(distance))])
 
 

@@ -246,8 +246,3 @@ def _noise(residual: Array, groups: Sequence[Group], rate_hz: float, cost: Array
     around = noise_around(spectrum, emptied(spectrum.shape[1], places), places)
     power = around.power * cost
     return power, around.dof, LineNoise(power, around.dof).band(FALSE_ALARM)
-
-
-def wrapped(angle: Array) -> Array:
-    """The angle between -pi and pi [rad]."""
-    return np.asarray(np.angle(np.exp(1j * angle)))

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
-from pmg.pipeline.orders.fit import wrapped
 from pmg.pipeline.windows.reduce import mean_uncertainty
 from pmg.pipeline.windows.revolutions import WholeRevolutions, whole_revolutions
 from pmg.pipeline.wording.probability import CONFIDENCE
 from pmg.sim import sources
 from pmg.sim.errors import FitError
-from pmg.sim.signals import REVOLUTION
+from pmg.sim.signals import REVOLUTION, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

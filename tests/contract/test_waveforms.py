@@ -15,7 +15,7 @@ import pytest
 from tests.orders.rows import row_of
 from tests.points import joined, points
 
-from pmg.pipeline.orders.fit import Orders, fit_orders, wrapped
+from pmg.pipeline.orders.fit import Orders, fit_orders
 from pmg.pipeline.orders.lines import Line, lines_of, resolve
 from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.losscurve import LossCurve
@@ -31,7 +31,7 @@ from pmg.sim.mechanisms.waveform import (
     Misalignment,
     Unbalance,
 )
-from pmg.sim.signals import RPM, TORQUE_RING, TORQUE_SUN, Array
+from pmg.sim.signals import RPM, TORQUE_RING, TORQUE_SUN, Array, wrapped
 
 BENCH = load_bench()
 CURVE = LossCurve((0.0, 1.0), np.array([0.01, 0.03]), 100.0, 200.0)

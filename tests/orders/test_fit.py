@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from tests.orders.coloured import coloured
 from tests.orders.rows import row_of
 
-from pmg.pipeline.orders.fit import Orders, fit_orders, wrapped
+from pmg.pipeline.orders.fit import Orders, fit_orders
 from pmg.pipeline.orders.lines import Group, Line, lines_of, resolve
 from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.errors import FitError
-from pmg.sim.signals import REVOLUTION, RPM, Array
+from pmg.sim.signals import REVOLUTION, RPM, Array, wrapped
 
 RATE = 500.0
 SAMPLES = 2500

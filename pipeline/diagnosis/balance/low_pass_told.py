@@ -90,11 +90,11 @@ def low_pass_sentence(d: TermsDiagnosis) -> str:
     """Whether half the low-pass and twice say the same; empty where neither could be tried."""
     if not d.low_passes:
         return ""
-    told = [(f"{each.low_pass_hz:g} Hz", said_with(d, each)) for each in d.low_passes]
-    answers = {said for _, said in told}
+    tried = [(f"{each.low_pass_hz:g} Hz", said_with(d, each)) for each in d.low_passes]
+    answers = {said for _, said in tried}
     if len(answers) == 1 and answers <= {SAME, OPEN}:
-        return f"With a low-pass of {' or '.join(at for at, _ in told)} {answers.pop()}."
-    others = "; ".join(f"at {at} {said}" for at, said in told)
+        return f"With a low-pass of {' or '.join(at for at, _ in tried)} {answers.pop()}."
+    others = "; ".join(f"at {at} {said}" for at, said in tried)
     if _hangs(d):
         return f"It hangs on the low-pass of {d.case.prepare.low_pass_hz:g} Hz: {others}."
     return f"Another low-pass: {others}."

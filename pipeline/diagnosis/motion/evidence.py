@@ -83,7 +83,7 @@ class MotionEvidence:
     families : tuple of Family
         What each family of the evidence is.
     stretches : tuple of RotorRows
-        Those of the baseline, then the readings of shafts that were held beside them.
+        Those of the baseline, then the readings of the shafts that their drives held meanwhile.
     block : (m,) array of int
         Stretch of each row; the rows of the data sheet have the last number.
     baseline : MotionBaseline

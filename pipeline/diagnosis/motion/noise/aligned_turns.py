@@ -21,6 +21,7 @@ from pmg.pipeline.diagnosis.motion.noise.turn_origins import TurnOrigins, TurnWa
 from pmg.pipeline.diagnosis.motion.stance import eccentric
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.sim.shafts import SIDES
+from pmg.sim.signals import wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -90,7 +91,7 @@ def turn_origins(
         aligned = np.sum([_turned(each, phases[run]) for run, each in products.items()], axis=0)
         as_large, size = _explained(aligned) / apart, float(np.linalg.norm(_fitted(aligned)))
         if chance < BY_CHANCE and more > alike[wave.side] and as_large > AS_LARGE and size > wave.least:
-            off = {run: float(np.angle(np.exp(1j * (phase - _phase(together))))) for run, phase in phases.items()}
+            off = {run: float(wrapped(phase - _phase(together))) for run, phase in phases.items()}
             origins = TurnOrigins(wave, {run: each / wave.order for run, each in off.items()})
             found.append((not wave.fast, as_large, origins))
     return max(found, key=lambda each: each[:2])[2] if found else None
@@ -197,5 +198,5 @@ def _keep_their_turn(fitted: MotionBaseline) -> bool:
 
 def _goes_on(ends: list[Array]) -> bool:
     """Whether the first angle of most runs is near the last one of the run before, but for whole turns."""
-    steps = [abs(np.angle(np.exp(1j * (after[0] - before[1])))) for before, after in itertools.pairwise(ends)]
+    steps = [abs(float(wrapped(after[0] - before[1]))) for before, after in itertools.pairwise(ends)]
     return not steps or float(np.median(steps)) < KEPT

@@ -154,11 +154,11 @@ def slow_spread(stretch: RotorRows, noise: SlowNoise = USUAL) -> Array:
     knots, lines = _lines(stretch, wander)
     if stretch.held:
         other = stretch.of_rows(stretch.run.shafts[other_side(stretch.side)].torque)
-        beside = np.stack([np.full(len(stretch), REACTION), PASSED_ON * other], 1)
+        further = np.stack([np.full(len(stretch), REACTION), PASSED_ON * other], 1)
     else:
-        beside = turns_of(stretch)
-        beside *= np.repeat(noise.ripple, 2)[: beside.shape[1]]
-    return np.hstack([lines @ np.linalg.cholesky(wander.covariance(knots)), beside])
+        further = turns_of(stretch)
+        further *= np.repeat(noise.ripple, 2)[: further.shape[1]]
+    return np.hstack([lines @ np.linalg.cholesky(wander.covariance(knots)), further])
 
 
 def _lines(stretch: RotorRows, wander: Wander) -> tuple[Array, Array]:
