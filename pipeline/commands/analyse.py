@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pmg.pipeline.analysis.outputs import analysed_campaign, analysis_document, analysis_files, write_analysis
 from pmg.pipeline.commands.campaign_asked import campaign_in_motion
-from pmg.pipeline.commands.motion import analyse_motion
+from pmg.pipeline.commands.in_motion.motion import analyse_motion
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.fit.analysis import Analysis, analyse

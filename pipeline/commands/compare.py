@@ -24,13 +24,9 @@ from pmg.pipeline.commands.compare_and_diagnose import (
     summary_facts,
 )
 from pmg.pipeline.commands.config import check_choices
+from pmg.pipeline.commands.in_motion.mixed import MixedDiagnosis, diagnose_mixed
+from pmg.pipeline.commands.in_motion.motion import compare_motion, remove_motion_report
 from pmg.pipeline.commands.ingest import ingest_chosen
-from pmg.pipeline.commands.motion import (
-    MixedDiagnosis,
-    compare_motion,
-    diagnose_mixed,
-    remove_motion_report,
-)
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.commands.stored_analysis import analysed, recorded_part
@@ -101,10 +97,11 @@ def run_compare(
     whole = analysed(store, *read_analysis(store), unproven_analysis(store))
     recorded = begin(recorded_part, whole)
     begin(draw_all, ())  # a worker loads the drawing library meanwhile
-    judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED), given)
+    rng, beside = np.random.default_rng(SEED), whole.beside_motion
+    judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, rng, given, beside_motion=beside)
     hashed = () if model is None else ((f"SHA-256 of {model.name}", sha256_of(model)),)
     grid = whole.analysis.grid
-    mixed, about_motion = diagnose_mixed(store, report, grid, judged, note, clock, progress)
+    mixed, about_motion = diagnose_mixed(whole, report, judged, note, clock, progress)
     steps.begin(COMPARED[1])
     page, remarks = campaign_page(
         whole,

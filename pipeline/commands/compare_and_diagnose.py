@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pmg.pipeline.analysis.comparison import compare
 from pmg.pipeline.analysis.tolerance import Tolerance, agreements
 from pmg.pipeline.diagnosis.design.audit import audit_design
 from pmg.pipeline.diagnosis.grid.decide import diagnose
 from pmg.pipeline.diagnosis.grid.document import mechanism_facts
+from pmg.pipeline.diagnosis.grid.zeros import zero_columns
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.model.apply_model import apply_model, found_together
 from pmg.pipeline.model.compared_campaign import ComparedCampaign
@@ -21,18 +25,18 @@ from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
-
-    import numpy as np
 
     from pmg.pipeline.analysis.comparison import Residuals
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.options import AnalysisOptions
+    from pmg.pipeline.grid.readings import Readings
     from pmg.pipeline.model.apply_model import Carried
     from pmg.pipeline.model.model_file import Model
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
+    from pmg.sim.signals import Array
 
 DIAGNOSIS = "diagnosis.json"
 """Name of the diagnosis next to the report."""
@@ -66,6 +70,8 @@ def compare_and_diagnose(
     bench: BenchParameters,
     rng: np.random.Generator,
     given: Model | None = None,
+    *,
+    beside_motion: bool = False,
 ) -> ComparedCampaign | None:
     """Simulate, compare and diagnose an analysed campaign.
 
@@ -82,6 +88,8 @@ def compare_and_diagnose(
     given : Model, optional
         A model to simulate instead of the calibrated baseline. Its mechanisms are then known to be there: the
         diagnosis looks at what remains, and their parameters are as free in it as those of the baseline.
+    beside_motion : bool
+        Whether the campaign holds runs in motion, too, which tell the zeros of the transducers: they are free here.
 
     Returns
     -------
@@ -89,7 +97,7 @@ def compare_and_diagnose(
         None where the analysis reached no calibration.
     """
     simulated = simulate_campaign(analysis, options, bench, given)
-    return None if simulated is None else diagnose_campaign(analysis, simulated, bench, rng)
+    return None if simulated is None else diagnose_campaign(analysis, simulated, bench, rng, beside_motion)
 
 
 def simulate_campaign(
@@ -107,7 +115,11 @@ def simulate_campaign(
 
 
 def diagnose_campaign(
-    analysis: Analysis, simulated: SimulatedCampaign, bench: BenchParameters, rng: np.random.Generator
+    analysis: Analysis,
+    simulated: SimulatedCampaign,
+    bench: BenchParameters,
+    rng: np.random.Generator,
+    beside_motion: bool = False,
 ) -> ComparedCampaign:
     """Diagnose what a simulated campaign leaves, and make the model that comes of it."""
     grid, carried = analysis.grid, simulated.carried
@@ -116,7 +128,12 @@ def diagnose_campaign(
     assert left.calibration is not None
     assert left.fits is not None
     assert left.floor is not None
-    known = carried.slopes if carried is not None and carried.here.parts else None
+    free: list[Callable[[Readings], Array]] = []
+    if carried is not None and carried.here.parts:
+        free.append(carried.slopes)
+    if beside_motion:
+        free.append(partial(zero_columns, bench=bench, model=left.calibration.model))
+    known = (lambda readings: np.hstack([columns(readings) for columns in free])) if free else None
     diagnosis = diagnose(left.grid, left.fits, left.floor, left.calibration, bench, rng, known)
     audit = audit_design(left.grid, bench, left.calibration.model, left.floor)
     diagnosis = replace(diagnosis, audit=audit, outliers=(*left.outliers, *diagnosis.outliers))

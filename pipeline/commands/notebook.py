@@ -249,9 +249,8 @@ def diagnose(comparison: CampaignComparison, *, seed: int = SEED) -> CampaignDia
     """
     whole = comparison.analysis.whole
     rng = np.random.default_rng(seed)
-    return CampaignDiagnosis(
-        comparison.analysis, diagnose_campaign(whole.analysis, comparison.simulated, whole.bench, rng), seed
-    )
+    judged = diagnose_campaign(whole.analysis, comparison.simulated, whole.bench, rng, whole.beside_motion)
+    return CampaignDiagnosis(comparison.analysis, judged, seed)
 
 
 @one_thread()

@@ -84,6 +84,11 @@ class StoredAnalysis:
         """What the uncertainty of its points is made of."""
         return budget_of(self.analysis.grid, self.analysis.floor, self.bench, self.sources.facts)
 
+    @property
+    def beside_motion(self) -> bool:
+        """Whether the campaign holds runs in motion, too."""
+        return any(record.sound for manifest in self.sources.used for record in manifest.moving)
+
 
 def analysed(store: Path, grid: Grid, options: AnalysisOptions, remarks: tuple[Remark, ...] = ()) -> StoredAnalysis:
     """A grid analysed on the bench that its recordings state.

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from pmg.pipeline.commands.motion import MixedDiagnosis
+from pmg.pipeline.commands.in_motion.mixed import MixedDiagnosis
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
-from pmg.pipeline.diagnosis.joint import JointDiagnosis
+from pmg.pipeline.diagnosis.joint.join import JointDiagnosis
 from pmg.pipeline.report.action_sheet import ActionSheet, MachinePart, SheetAnswer
 from pmg.pipeline.report.document import Headline
 

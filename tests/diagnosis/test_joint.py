@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,54 +17,95 @@ from jsonschema import Draft202012Validator
 from tests.conftest import ROOT
 
 from pmg.pipeline.diagnosis.engine.conclusion import Conclusion
+from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
-from pmg.pipeline.diagnosis.joint import APART, BY_BOTH, BY_MOTION, BY_STEADY, join, joint_document
+from pmg.pipeline.diagnosis.joint.document import joint_document
+from pmg.pipeline.diagnosis.joint.join import APART, BY_BOTH, BY_MOTION, BY_STEADY, CONTRADICTED, join
+from pmg.pipeline.diagnosis.joint.weighing import KindOfEvidence, WeighedSet
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pmg.sim.signals import Array
 
 GAIN, LOAD, IRON = "torque_gain_error", "load_dependent_bearing_friction", "load_dependent_iron_loss"
 INERTIA, WINDAGE, VISCOSITY = "rotor_inertia", "windage", "lubricant_viscosity"
-FOUND = (0.002, 0.002)
-QUIET: Conclusion[Any, Any] = Conclusion(verdict=Verdict.CONSISTENT)
+CERTAIN, SILENT = 0.002, 0.6
+ROWS = 100
+FORM_MARGIN = 0.02
 
 
-def concluded(
+@dataclass(frozen=True)
+class Told(KindOfEvidence[Any, Any]):
+    """A kind of evidence that is told what each set of causes is worth in it; of a larger set, the best part of it."""
+
+    worth: Mapping[frozenset[tuple[str, str]], WeighedSet] = field(default_factory=dict)
+
+    def forms(self, identifier: str, shaft: str) -> Sequence[Any]:
+        """Not asked for."""
+        raise NotImplementedError
+
+    def one_size(self, fit: Any) -> tuple[str, float] | None:  # noqa: ANN401 - any fit
+        """Not asked for."""
+        raise NotImplementedError
+
+    def weigh(self, causes: dict[str, str]) -> WeighedSet:
+        """As told."""
+        parts = [found for known, found in self.worth.items() if known <= causes.items()]
+        return max(parts, key=lambda each: each.score, default=WeighedSet(0.0))
+
+
+def told(
     *sets: dict[str, str],
+    worth: tuple[tuple[dict[str, str], float], ...] = (),
     verdict: Verdict | None = None,
     weak: bool = False,
-    scores: tuple[float, ...] = (),
     by_parts: int = 0,
-) -> Conclusion[Any, Any]:
-    """A conclusion that leaves some sets of causes, each the shaft by the id, of even evidence where none is given."""
+    p_value: float = CERTAIN,
+    sizes: Mapping[str, tuple[float, float]] | None = None,
+) -> Told:
+    """A kind that leaves some sets of causes, of even evidence where none is given."""
+    known = dict.fromkeys((tuple(one.items()) for one in sets), 100.0) | {tuple(c.items()): s for c, s in worth}
+    definite: dict[frozenset[tuple[str, str]], WeighedSet] = {}
+    for causes, score in known.items():
+        shafts = ("sun", "ring") if "either" in dict(causes).values() else ("",)
+        for side in shafts:
+            items = frozenset((name, side if shaft == "either" else shaft) for name, shaft in causes)
+            definite[items] = WeighedSet(score, dict(sizes or {}))
     each = [
         SimpleNamespace(
-            fits=[SimpleNamespace(identifier=name, place=place) for name, place in one.items()], score=score
+            fits=[SimpleNamespace(identifier=name, place=place) for name, place in one.items()],
+            score=known[tuple(one.items())],
         )
-        for one, score in zip(sets, scores or [100.0] * len(sets), strict=True)
+        for one in sets
     ]
-    naming: Any = (
-        SimpleNamespace(best=each[0], rivals=each[1:], shafts=sets[0], evidence_scale=1.0, by_parts=by_parts)
-        if sets
-        else None
-    )
-    found = Verdict.NAMED if len(sets) == 1 else Verdict.AMBIGUOUS
-    return Conclusion(verdict=verdict or found, naming=naming, weak=weak)
+    naming: Any = SimpleNamespace(best=each[0], rivals=each[1:], shafts=sets[0], by_parts=by_parts) if sets else None
+    found = Verdict.NAMED if len(sets) == 1 else Verdict.AMBIGUOUS if sets else Verdict.CONSISTENT
+    conclusion: Conclusion[Any, Any] = Conclusion(verdict=verdict or found, naming=naming, weak=weak)
+    problem, catalogue = SimpleNamespace(left=np.zeros(ROWS)), SimpleNamespace(form_margin=FORM_MARGIN)
+    return Told(conclusion, p_value, problem, catalogue, definite)  # type: ignore[arg-type]
+
+
+QUIET = told(p_value=SILENT)
 
 
 def test_what_one_leaves_open_the_other_settles() -> None:
-    steady = concluded({LOAD: "sun"}, {IRON: "both"}, {GAIN: "either"})
-    for moving in (concluded({GAIN: "ring"}), concluded({GAIN: "ring"}, {IRON: "sun", LOAD: "sun"})):
-        found = join(steady, moving, FOUND)
-        assert (found.verdict, found.sets, found.by) == (Verdict.NAMED, ({GAIN: "ring"},), BY_BOTH)
-    still = join(steady, concluded({GAIN: "ring"}, {LOAD: "sun"}), FOUND)
+    steady = told({LOAD: "sun"}, {IRON: "both"}, {GAIN: "either"})
+    found = join(steady, told({GAIN: "ring"}))
+    assert (found.verdict, found.sets, found.by) == (Verdict.NAMED, ({GAIN: "ring"},), BY_BOTH)
+    assert {LOAD: "sun"} in found.ruled_out
+    still = join(steady, told({GAIN: "ring"}, {LOAD: "sun"}))
     assert still.verdict is Verdict.AMBIGUOUS
-    assert still.sets == ({LOAD: "sun"}, {GAIN: "ring"})
+    assert list(still.sets) == [{LOAD: "sun"}, {GAIN: "ring"}]
+    assert sum(still.weights) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(
     ("steady", "moving", "named"),
     [
-        ((100.0, 93.0), (50.0, 43.0), GAIN),  # odds of e^7 are no proof; those of e^14 are
+        ((100.0, 93.0), (50.0, 43.0), GAIN),  # odds of e^7 are no proof; those of e^14 and an error of form are
         ((100.0, 93.0), (50.0, 49.0), None),
-        ((100.0, 93.0), (28.0, 50.0), LOAD),  # the clearer of both leads
+        ((100.0, 93.0), (30.0, 50.0), LOAD),  # the clearer of both leads
         ((100.0, 93.0), (43.0, 50.0), None),
         ((100.0, 93.0), (950.0, 940.0), None),  # an error of form is worth as much
     ],
@@ -69,70 +113,197 @@ def test_what_one_leaves_open_the_other_settles() -> None:
 def test_evidence_of_both_kinds_adds_up(
     steady: tuple[float, float], moving: tuple[float, float], named: str | None
 ) -> None:
-    ours = concluded({GAIN: "sun"}, {LOAD: "sun"}, scores=steady)
-    theirs = concluded({GAIN: "sun"}, {LOAD: "sun"}, scores=moving)
-    found = join(ours, theirs, FOUND)
+    sets = ({GAIN: "sun"}, {LOAD: "sun"})
+    ours, theirs = (told(*sets, worth=tuple(zip(sets, each, strict=True))) for each in (steady, moving))
+    found = join(ours, theirs)
     assert found.verdict is (Verdict.AMBIGUOUS if named is None else Verdict.NAMED)
     assert len(found.sets) == 2 if named is None else found.sets == ({named: "sun"},)
-    by_parts = concluded({GAIN: "sun"}, {LOAD: "sun"}, scores=moving, by_parts=1)
-    assert join(ours, by_parts, FOUND).verdict is Verdict.AMBIGUOUS
+    leads = found.sets[0]
+    assert found.weights[0] == max(found.weights)
+    assert leads == ({named: "sun"} if named else found.sets[0])
+
+
+def test_what_parts_name_stays_unless_the_other_kind_excludes_it() -> None:
+    sets = ({GAIN: "sun"}, {LOAD: "sun"})
+    by_parts = told(*sets, worth=((sets[0], 50.0), (sets[1], 3.0)), by_parts=1)
+    assert join(told(*sets), by_parts).verdict is Verdict.AMBIGUOUS
+    assert join(QUIET, by_parts).verdict is Verdict.AMBIGUOUS
+    excluding = told(sets[0], worth=((sets[1], 20.0),))
+    assert join(excluding, by_parts).sets == ({GAIN: "sun"},)
+
+
+def test_a_kind_that_shows_nothing_speaks_by_the_size_that_it_excludes() -> None:
+    """Runs in motion that would have shown a gain of 1 % at 0.1 % rule it out, and leave what they cannot see."""
+    gain = {GAIN: (0.01, 1e-6)}
+    steady = told({GAIN: "sun"}, {LOAD: "sun"}, sizes=gain)
+    silent = replace(QUIET, worth={frozenset({(GAIN, "sun")}): WeighedSet(-4.0, {GAIN: (0.0, 1e-6)})})
+    found = join(steady, silent)
+    assert (found.verdict, found.sets, found.by) == (Verdict.NAMED, ({LOAD: "sun"},), BY_STEADY)
+    assert found.ruled_out == ({GAIN: "sun"},)
+    alike = replace(QUIET, worth={frozenset({(GAIN, "sun")}): WeighedSet(-4.0, {GAIN: (0.009, 1e-6)})})
+    assert len(join(steady, alike).sets) == 2
+    alone = join(told({GAIN: "sun"}, sizes=gain), silent)
+    assert (alone.verdict, alone.by, alone.something_else) == (Verdict.AMBIGUOUS, CONTRADICTED, True)
+
+
+def test_one_size_for_both_kinds_is_one_parameter() -> None:
+    """Of two causes as good in either kind, that leads whose size both kinds know, and find alike."""
+    moving = told({GAIN: "sun"}, {IRON: "both"})
+    sized = told({GAIN: "sun"}, {IRON: "both"}, sizes={GAIN: (0.01, 1e-6)})
+    found = join(
+        sized,
+        replace(moving, worth={**moving.worth, frozenset({(GAIN, "sun")}): WeighedSet(100.0, {GAIN: (0.01, 1e-6)})}),
+    )
+    assert found.sets[0] == {GAIN: "sun"}
+    assert found.weights[0] > found.weights[1]
 
 
 def test_a_cause_that_only_one_kind_knows_stands_beside_the_shared_one() -> None:
-    found = join(concluded({GAIN: "sun", WINDAGE: "sun"}), concluded({GAIN: "sun", INERTIA: "ring"}), FOUND)
+    ours, theirs = {GAIN: "sun", WINDAGE: "sun"}, {GAIN: "sun", INERTIA: "ring"}
+    found = join(told(ours, worth=(({GAIN: "sun"}, 40.0),)), told(theirs, worth=(({GAIN: "sun"}, 40.0),)))
     assert found.verdict is Verdict.NAMED
     assert found.sets == ({GAIN: "sun", WINDAGE: "sun", INERTIA: "ring"},)
 
 
+def test_each_kind_may_show_a_cause_that_the_other_does_not_see() -> None:
+    found = join(told({WINDAGE: "sun"}), told({INERTIA: "ring"}))
+    assert (found.verdict, found.sets) == (Verdict.NAMED, ({WINDAGE: "sun", INERTIA: "ring"},))
+
+
 def test_causes_that_exclude_each_other_are_both_told() -> None:
-    for moving in (concluded({GAIN: "ring"}), concluded({LOAD: "sun"})):
-        found = join(concluded({GAIN: "sun"}), moving, FOUND)
-        assert (found.verdict, found.by, len(found.sets)) == (Verdict.AMBIGUOUS, APART, 2)
+    found = join(told({GAIN: "sun"}), told({GAIN: "ring"}))
+    assert (found.verdict, found.by, len(found.sets)) == (Verdict.AMBIGUOUS, APART, 2)
 
 
 def test_one_kind_may_see_what_the_other_cannot() -> None:
-    for pair, by in (
-        ((concluded({GAIN: "sun"}), QUIET), BY_STEADY),
-        ((QUIET, concluded({INERTIA: "ring"})), BY_MOTION),
-    ):
-        found = join(*pair, (0.002, 0.6) if by == BY_STEADY else (0.6, 0.002))
+    for pair, by in (((told({GAIN: "sun"}), QUIET), BY_STEADY), ((QUIET, told({INERTIA: "ring"})), BY_MOTION)):
+        found = join(*pair)
         assert (found.verdict, found.by, found.something_else) == (Verdict.NAMED, by, False)
-    unknown: Conclusion[Any, Any] = concluded(verdict=Verdict.NOT_IN_LIBRARY)
-    found = join(concluded({GAIN: "sun"}), unknown, FOUND)
+    unknown = told(verdict=Verdict.NOT_IN_LIBRARY)
+    found = join(told({GAIN: "sun"}), unknown)
     assert (found.verdict, found.something_else) == (Verdict.AMBIGUOUS, True)
-    assert join(unknown, QUIET, FOUND).verdict is Verdict.NOT_IN_LIBRARY
+    assert join(unknown, QUIET).verdict is Verdict.NOT_IN_LIBRARY
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
 def test_two_looks_are_counted_as_two(one: float, other: float) -> None:
-    found = join(concluded({GAIN: "sun"}), QUIET, (one, other))
+    found = join(told({GAIN: "sun"}, p_value=one), replace(QUIET, p_value=other))
     assert found.p_value == min(1.0, 2.0 * min(one, other))
     assert (found.verdict is Verdict.CONSISTENT) == (found.p_value > 0.05)
 
 
 def test_a_blind_kind_stays_blind_where_nothing_is_found() -> None:
-    blind: Conclusion[Any, Any] = Conclusion(verdict=Verdict.CONFOUNDED)
-    assert join(blind, QUIET, (0.5, 0.5)).verdict is Verdict.CONFOUNDED
-    assert join(QUIET, QUIET, (0.5, 0.5)).verdict is Verdict.CONSISTENT
+    blind = told(verdict=Verdict.CONFOUNDED, p_value=0.5)
+    assert join(blind, QUIET).verdict is Verdict.CONFOUNDED
+    assert join(QUIET, QUIET).verdict is Verdict.CONSISTENT
 
 
 def test_two_weak_kinds_name_nothing_for_sure() -> None:
-    weak = concluded({GAIN: "sun"}, {LOAD: "sun"}, weak=True)
-    found = join(weak, concluded({GAIN: "sun"}, verdict=Verdict.AMBIGUOUS, weak=True), FOUND)
+    weak = told({GAIN: "sun"}, {LOAD: "sun"}, weak=True)
+    found = join(weak, told({GAIN: "sun"}, worth=(({LOAD: "sun"}, 0.0),), verdict=Verdict.AMBIGUOUS, weak=True))
     assert (found.verdict, found.sets, found.something_else) == (Verdict.AMBIGUOUS, ({GAIN: "sun"},), True)
+    assert join(weak, told({GAIN: "sun"}, worth=(({LOAD: "sun"}, 0.0),))).verdict is Verdict.NAMED
 
 
 def test_a_kind_that_differs_without_a_cause_is_counted() -> None:
     for silent in (Verdict.CONFOUNDED, Verdict.NOT_IN_LIBRARY):
-        found = join(concluded({GAIN: "sun"}), concluded(verdict=silent), FOUND)
+        found = join(told({GAIN: "sun"}), told(verdict=silent))
         assert (found.verdict, found.something_else) == (Verdict.AMBIGUOUS, True)
-    blind_and_quiet = join(concluded({GAIN: "sun"}), concluded(verdict=Verdict.CONFOUNDED), (0.002, 0.4))
+    blind_and_quiet = join(told({GAIN: "sun"}), told(verdict=Verdict.CONFOUNDED, p_value=0.4))
     assert (blind_and_quiet.verdict, blind_and_quiet.something_else) == (Verdict.NAMED, False)
 
 
 def test_both_bearings_are_not_one_of_them() -> None:
-    found = join(concluded({VISCOSITY: "both"}), concluded({VISCOSITY: "sun"}), FOUND)
+    found = join(told({VISCOSITY: "both"}), told({VISCOSITY: "sun"}))
     assert (found.verdict, found.by) == (Verdict.AMBIGUOUS, APART)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A candidate of one column, and the name of its size."""
+
+    identifier: str
+    values: tuple[float, ...]
+    size: str = ""
+
+
+@dataclass(frozen=True)
+class Amount(Fit[Column]):
+    """A candidate with its amount."""
+
+    amount: float
+
+
+class Columns(WhitenedProblem[Amount]):
+    """Rows that columns may explain."""
+
+    def slopes(self, fit: Amount) -> Array:
+        """The column."""
+        return np.array(fit.candidate.values)[:, None]
+
+
+class Library:
+    """Fits a column."""
+
+    form_margin = 0.0
+
+    def fit(self, problem: Columns, candidate: Column) -> Amount:
+        """By least squares."""
+        column = problem.project(np.array(candidate.values))
+        amount = float(column @ problem.left / (column @ column))
+        return Amount(candidate, amount**2 * float(column @ column), 1.0, amount * column, (), amount)
+
+
+@dataclass(frozen=True)
+class OfColumns(KindOfEvidence[Amount, Columns]):
+    """Rows with a library of columns."""
+
+    library: tuple[Column, ...]
+
+    def forms(self, identifier: str, shaft: str) -> list[Column]:
+        """On the sun only."""
+        return [each for each in self.library if each.identifier == identifier and shaft == "sun"]
+
+    def one_size(self, fit: Amount) -> tuple[str, float] | None:
+        """The amount, where it has a name."""
+        return (fit.candidate.size, fit.amount) if fit.candidate.size else None
+
+
+def rows(seed: int, amount: float) -> OfColumns:
+    """Noise of unit size with some of the first column, beside a baseline that is even."""
+    rng = np.random.default_rng(seed)
+    one, other, third = rng.standard_normal((3, ROWS))
+    library = (
+        Column(GAIN, tuple(one), "gain"),
+        Column(GAIN, tuple(third)),
+        Column(INERTIA, tuple(other)),
+    )
+    baseline = np.full((ROWS, 1), ROWS**-0.5)
+    left = amount * one + rng.standard_normal(ROWS)
+    left -= baseline @ (baseline.T @ left)
+    quiet: Conclusion[Any, Any] = Conclusion(verdict=Verdict.CONSISTENT)
+    return OfColumns(quiet, SILENT, Columns(baseline, left), Library(), library)  # type: ignore[arg-type]
+
+
+def test_a_size_is_known_to_its_standard_error() -> None:
+    off = []
+    for seed in range(200):
+        (value, variance) = rows(seed, 0.8).weigh({GAIN: "sun"}).sizes[GAIN]
+        off.append((value - 0.8) / variance**0.5)
+    assert 0.85 < float(np.std(off)) < 1.15  # four standard errors of it
+    assert abs(float(np.mean(off))) < 4.0 / 200**0.5
+
+
+def test_what_is_not_seen_costs_nothing_unless_its_size_is_known_elsewhere() -> None:
+    kind = rows(3, 0.8)
+    plain = kind.weigh({GAIN: "sun"})
+    assert plain.score == pytest.approx(kind.weigh({GAIN: "sun", INERTIA: "sun", WINDAGE: "sun"}).score)
+    assert kind.weigh({INERTIA: "sun"}).score == 0.0
+    assert plain.score > 0.3 * ROWS
+    unseen = rows(3, 0.0).weigh({GAIN: "sun"})
+    assert unseen.score < 0.0
+    assert GAIN in unseen.sizes
+    assert kind.weigh({GAIN: "ring"}) == WeighedSet(0.0)
 
 
 def row(name: str, shaft: str, error: float | None) -> dict[str, Any]:
@@ -155,12 +326,12 @@ def documents(*moving_sets: dict[str, str]) -> tuple[dict[str, Any], dict[str, A
     """Documents of both kinds, whose steady one leaves a gain on either shaft, or load friction of the sun."""
     example = json.loads((ROOT / "reports" / "example" / "diagnosis.json").read_bytes())
     steady = example | {"mechanisms": [row(GAIN, "either", 0.1), row(LOAD, "sun", 0.1)]}
-    rows = [row(name, shaft, 0.2) for each in moving_sets for name, shaft in each.items()]
-    return steady, example | {"mechanisms": rows}
+    found = [row(name, shaft, 0.2) for each in moving_sets for name, shaft in each.items()]
+    return steady, example | {"mechanisms": found}
 
 
 def test_a_consistent_document_holds_no_place_and_no_cause() -> None:
-    joint = join(concluded({GAIN: "either"}, {LOAD: "sun"}), QUIET, (0.04, 0.6))
+    joint = join(told({GAIN: "either"}, {LOAD: "sun"}, p_value=0.04), QUIET)
     document = joint_document(joint, *documents())
     VALID.validate(document)
     assert document["verdict"] == "consistent"
@@ -168,17 +339,19 @@ def test_a_consistent_document_holds_no_place_and_no_cause() -> None:
 
 
 def test_numbers_are_those_of_the_kind_that_says_the_shaft() -> None:
-    joint = join(concluded({GAIN: "either"}, {LOAD: "sun"}), concluded({GAIN: "ring"}), FOUND)
-    (mechanism,) = joint_document(joint, *documents({GAIN: "ring"}))["mechanisms"]
+    joint = join(told({GAIN: "either"}, {LOAD: "sun"}), told({GAIN: "ring"}))
+    document = joint_document(joint, *documents({GAIN: "ring"}))
+    (mechanism,) = document["mechanisms"]
     assert (mechanism["shaft"], mechanism["parameters"][0]["standard_error"]) == ("ring", 0.2)
+    assert re.search("They rule out bearing friction [^.]+ sun shaft[.]", document["statement"])
 
 
 @pytest.mark.parametrize("moving_sets", [({GAIN: "sun"},), ({GAIN: "sun"}, {LOAD: "sun"}), ({IRON: "both"},)])
 def test_the_document_is_one_of_its_schema(moving_sets: tuple[dict[str, str], ...]) -> None:
     steady, moving = documents(*moving_sets)
-    joint = join(concluded({GAIN: "either"}, {LOAD: "sun"}), concluded(*moving_sets), FOUND)
+    joint = join(told({GAIN: "either"}, {LOAD: "sun"}), told(*moving_sets))
     document = joint_document(joint, steady, moving)
     VALID.validate(document)
     assert document["statement"].startswith("Steady points and runs in motion ")
     assert document["statement"].count(steady["statement"]) == 2
-    assert sum(each["probability"] for each in document["mechanisms"]) <= 1.0 + 1e-9 or joint.by == APART
+    assert sum(each["probability"] for each in document["mechanisms"]) <= len(joint.sets[0]) + 1e-9

@@ -19,10 +19,10 @@ from pmg.pipeline.diagnosis.balance.fitting import TermFit
 from pmg.pipeline.diagnosis.engine.adequacy import Remainder
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion.candidates.library import library
+from pmg.pipeline.diagnosis.motion.candidates.mass_on_spring import FIXED_FROM, on_spring
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
-from pmg.pipeline.diagnosis.motion.mass_on_spring import FIXED_FROM, on_spring
 from pmg.pipeline.trials.motion.nature import measure_motion_case
 from pmg.pipeline.trials.score.case_list import draw_motion_lots
 from pmg.sim.bench import load_bench

@@ -28,10 +28,11 @@ from pmg.pipeline.diagnosis.motion.candidates.coupling_terms import _damped
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.compressed import Family
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
-from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, MotionPlace, diagnose_motion
+from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.fitted import fit_constants
 from pmg.pipeline.diagnosis.motion.free_form import MIXED, bent_columns
+from pmg.pipeline.diagnosis.motion.mismatch import MotionPlace
 from pmg.pipeline.diagnosis.motion.noise.row_noise import SlowNoise, row_noise
 from pmg.pipeline.diagnosis.motion.noise.wander import Wander
 from pmg.pipeline.diagnosis.motion.places import where_to_look

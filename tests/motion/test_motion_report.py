@@ -19,7 +19,7 @@ from tests.recording.writer import Bench, write
 from tests.report import chromium
 
 from pmg.pipeline.commands.compare import run_all
-from pmg.pipeline.commands.motion import compare_motion, remove_motion_report
+from pmg.pipeline.commands.in_motion.motion import compare_motion, remove_motion_report
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.settings.chosen import choose
 from pmg.pipeline.trials.motion.nature import MotionCase, draw_motion_case, write_motion_case

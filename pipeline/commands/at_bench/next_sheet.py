@@ -12,7 +12,7 @@ from pmg.pipeline.commands.at_bench.motion_sheet import motion_page, motion_shee
 from pmg.pipeline.commands.at_bench.sheet_page import BenchSheet, SheetRow, sheet_csv, sheet_page
 from pmg.pipeline.commands.campaign_asked import asked_in_motion
 from pmg.pipeline.commands.compare_and_diagnose import SEED, compare_and_diagnose
-from pmg.pipeline.commands.motion import diagnose_runs
+from pmg.pipeline.commands.in_motion.motion import diagnose_runs
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.stored_analysis import analysed
 from pmg.pipeline.diagnosis.design.direct_check import check_by_hand
@@ -70,7 +70,8 @@ def run_next(store: Path, out: Path, campaign: str | None = None, model: Path | 
         do = "Leave --model out; compare the new points with it afterwards: pmg compare --model FILE."
         raise FitError("--model", f"{model}, for steady points", f"runs in motion: {why}", do)
     whole = analysed(store, *read_analysis(store))
-    judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED))
+    rng, beside = np.random.default_rng(SEED), whole.beside_motion
+    judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, rng, beside_motion=beside)
     if judged is None or whole.analysis.calibration is None:
         raise FitError(str(store), "no calibration", "a campaign that can be compared", "See 'pmg doctor' for why.")
     found = _question(whole, judged.diagnosis)

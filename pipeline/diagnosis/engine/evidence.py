@@ -31,6 +31,8 @@ class Evidence:
         How many of the last families are looked at one by one, the scatter judged with them in it.
     single_rows : bool
         Whether a row may stand out by itself.
+    positive : frozenset of int
+        Places of families of one column whose size cannot be negative.
     """
 
     y: Array
@@ -41,3 +43,4 @@ class Evidence:
     contrasts: tuple[Array, ...] = ()
     narrow: int = 0
     single_rows: bool = False
+    positive: frozenset[int] = frozenset()

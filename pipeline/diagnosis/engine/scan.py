@@ -80,7 +80,7 @@ class Scan:
     baseline, everything : (m, k) array
         Orthonormal bases of the baseline, and of it with every family that is not narrow.
     bases : tuple of (m, r) array
-        Orthonormal basis of each family beyond the baseline.
+        Orthonormal basis of each family beyond the baseline; that of a single column points as the column does.
     """
 
     evidence: Evidence
@@ -108,13 +108,16 @@ class Scan:
         residual = white - self.baseline @ (self.baseline.T @ white)
         standard = residual / scale
         tests = []
-        for basis in self.bases:
+        for place, basis in enumerate(self.bases):
             k = basis.shape[1]
             if k == 0:
                 tests.append(np.zeros(white.shape[1]))
                 continue
             group = int(np.argmax([float(np.sum(basis[rows] ** 2)) for rows in self.evidence.groups]))
-            tests.append(_log_upper_tail(k, dof[group], np.sum((basis.T @ standard) ** 2, axis=0) / k))
+            along = basis.T @ standard
+            tests.append(_log_upper_tail(k, dof[group], np.sum(along**2, axis=0) / k))
+            if place in self.evidence.positive:
+                tests[-1] = np.where(along[0] > 0.0, tests[-1] - math.log(2.0), 0.0)
         for group, columns in enumerate(self.evidence.contrasts):
             if columns.shape[1]:
                 ratio = np.mean((columns.T @ residual) ** 2, axis=0) / variance[group]
@@ -137,7 +140,8 @@ def make_scan(evidence: Evidence, baseline: Array) -> Scan:
         length = np.linalg.norm(block, axis=0)
         unit = block[:, length > 0.0] / length[length > 0.0]
         left = unit - base @ (base.T @ unit)
-        bases.append(orthonormal(left[:, np.linalg.norm(left, axis=0) > ABSORBED], 1e-3))
+        basis = orthonormal(left[:, np.linalg.norm(left, axis=0) > ABSORBED], 1e-3)
+        bases.append(basis * np.sign(basis.T @ left)[0] if basis.shape[1] == left.shape[1] == 1 else basis)
     everything = orthonormal(np.hstack([base, *bases[: len(bases) - evidence.narrow]]))
     return Scan(evidence, base, everything, tuple(bases))
 

@@ -11,7 +11,6 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, conclude
-from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, search
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 from pmg.pipeline.diagnosis.motion.candidates.library import library
@@ -21,6 +20,7 @@ from pmg.pipeline.diagnosis.motion.design.unseen import unseen
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import fit_constants
 from pmg.pipeline.diagnosis.motion.fitted_size import error_of_law, fitted_size
+from pmg.pipeline.diagnosis.motion.mismatch import find_mismatch
 from pmg.pipeline.diagnosis.motion.naming import SEARCH_STEPS, name_causes
 from pmg.pipeline.diagnosis.motion.withheld import WithheldRuns, by_kind, by_run
 from pmg.pipeline.files.progress import Steps
@@ -31,12 +31,13 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.engine.explanation import Explanation
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
+    from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
-    from pmg.pipeline.diagnosis.motion.compressed import Family
     from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun
     from pmg.pipeline.diagnosis.motion.design.unseen import Unseen
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.pipeline.diagnosis.motion.fitted_size import FittedSize
+    from pmg.pipeline.diagnosis.motion.mismatch import MotionPlace
     from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
@@ -50,25 +51,6 @@ STEPS = (
     "proof on runs not used",
 )
 """Steps of a diagnosis, as its progress names them."""
-
-
-@dataclass(frozen=True)
-class MotionPlace:
-    """A structure that the missing torque follows.
-
-    Parameters
-    ----------
-    family : Family
-        Shaft, configuration and what it follows.
-    p_value : float
-        Of the whole search.
-    size : float
-        Root mean square of it over the rows that it may follow [N m].
-    """
-
-    family: Family
-    p_value: float
-    size: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +123,7 @@ def diagnose_motion(
     before, covariance, noise = fit_constants(runs, bench, known)
     steps.begin(STEPS[1])
     found = motion_evidence(before, noise, library(), rng)
-    mismatch, blind = _mismatch(found), unseen(found)
+    mismatch, blind = find_mismatch(found), unseen(found)
     silent = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
     conclusion, together = Conclusion[TermFit, TermProblem](verdict=silent), None
     if mismatch.found:
@@ -185,18 +167,6 @@ def _shafts(conclusion: Conclusion[TermFit, TermProblem]) -> tuple[str, ...]:
     """Shafts of what is named, as far as they are told; none without a cause."""
     naming = conclusion.naming
     return tuple(naming.shafts.values()) if conclusion.verdict.names and naming is not None else ()
-
-
-def _mismatch(found: MotionEvidence) -> Mismatch[MotionPlace]:
-    (step,) = search(found.evidence, steps=1)
-    scan = step.scan
-    left = found.evidence.y - scan.baseline @ (scan.baseline.T @ found.evidence.y)
-    places = []
-    for k, (family, basis) in enumerate(zip(found.families, scan.bases, strict=True)):
-        seen = basis @ (basis.T @ left)
-        places.append(MotionPlace(family, step.corrected(k), found.torque_of(family, seen)))
-    clear = sorted((p for p in places if p.p_value <= FALSE_ALARM_RATE), key=lambda p: (p.p_value, -p.size))
-    return Mismatch(step.p_value, FALSE_ALARM_RATE, tuple(clear), len(places), found.evidence.null.shape[1])
 
 
 def _proof(

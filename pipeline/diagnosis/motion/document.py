@@ -30,8 +30,9 @@ from pmg.sim.mechanisms.base import Component
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
-    from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, MotionPlace
+    from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
     from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun
+    from pmg.pipeline.diagnosis.motion.mismatch import MotionPlace
     from pmg.sim.signals import Array
 
 POINTS_TO = {

@@ -14,6 +14,7 @@ from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.forms import with_free_laws, with_look_alikes
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.motion.candidates.library import library
+from pmg.pipeline.diagnosis.motion.candidates.mass_on_spring import on_spring
 from pmg.pipeline.diagnosis.motion.catalogue import (
     MotionCatalogue,
     other_lateness,
@@ -24,7 +25,6 @@ from pmg.pipeline.diagnosis.motion.catalogue import (
 )
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import amounts_of, fit_beside, noise_beside
-from pmg.pipeline.diagnosis.motion.mass_on_spring import on_spring
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming

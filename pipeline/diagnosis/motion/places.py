@@ -9,7 +9,8 @@ import numpy as np
 from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET, OFF_SHEET
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, MotionPlace
+    from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
+    from pmg.pipeline.diagnosis.motion.mismatch import MotionPlace
 
 OF_CONSTANTS = {
     "inertia": "inertia of the {side} rotor",

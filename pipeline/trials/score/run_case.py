@@ -14,8 +14,8 @@ from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import run_compare
 from pmg.pipeline.commands.compare_and_diagnose import SEED
+from pmg.pipeline.commands.in_motion.motion import compare_motion
 from pmg.pipeline.commands.ingest import ALONE, run_ingest
-from pmg.pipeline.commands.motion import compare_motion
 from pmg.pipeline.diagnosis.design.plans import join_points, possible_plans, whole_again
 from pmg.pipeline.diagnosis.grid.decide import diagnose
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document

@@ -1,0 +1,1 @@
+"""Runs in motion of a store: by themselves, and beside the steady points of the same campaign."""

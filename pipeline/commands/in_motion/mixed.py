@@ -1,0 +1,150 @@
+"""Runs in motion of a campaign that holds steady points too, in `pmg compare`: one diagnosis of both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+from pmg.pipeline.chapters.bench_parts import parts_of
+from pmg.pipeline.commands.in_motion.motion import FOLDER, diagnosed_motion
+from pmg.pipeline.diagnosis.grid.document import diagnosis_document, mechanism_fact
+from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
+from pmg.pipeline.diagnosis.joint.document import joint_document, titles
+from pmg.pipeline.diagnosis.joint.join import JointDiagnosis, join
+from pmg.pipeline.diagnosis.joint.kinds import evidence_in_motion, steady_evidence
+from pmg.pipeline.recording.remark import Remark
+from pmg.pipeline.report.action_sheet import SheetAnswer
+from pmg.pipeline.report.document import Headline
+from pmg.pipeline.wording.plurals import capitalised
+from pmg.sim.errors import PmgError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pmg.pipeline.commands.outcome import Outcome
+    from pmg.pipeline.commands.provenance import Clock
+    from pmg.pipeline.commands.stored_analysis import StoredAnalysis
+    from pmg.pipeline.files.progress import Progress
+    from pmg.pipeline.model.compared_campaign import ComparedCampaign
+    from pmg.pipeline.report.action_sheet import ActionSheet
+
+WHERE = f"The runs in motion have a page of their own: {FOLDER}/report.html."
+
+
+@dataclass(frozen=True)
+class MixedDiagnosis:
+    """The diagnosis of a campaign that holds steady points and runs in motion.
+
+    Parameters
+    ----------
+    joint : JointDiagnosis or None
+        Of both; None where the steady points could not be diagnosed.
+    document : dict
+        The diagnosis of the campaign.
+    outcome : Outcome
+        Of the runs in motion.
+    """
+
+    joint: JointDiagnosis | None
+    document: dict[str, Any]
+    outcome: Outcome
+
+    @property
+    def differs(self) -> bool:
+        """Whether either kind of evidence differs from the model, the two looks counted."""
+        return self.outcome.mismatch if self.joint is None else self.joint.found
+
+    @property
+    def first_line(self) -> str:
+        """Verdict and statement, for the terminal."""
+        return f"{self.document['phrase']}: {self.document['statement']}"
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What the summary of the report tells of it instead of what the steady points say alone."""
+        leading = set() if self.joint is None or not self.joint.sets else set(self.joint.sets[0])
+        known = titles()
+        rows = [
+            mechanism_fact(row, known[row["id"]], {})
+            for row in self.document["mechanisms"]
+            if row["id"] in leading or self.joint is None
+        ]
+        return {"diagnosis": self.document["verdict"], "mechanisms": rows}
+
+    def headline(self, steady: Headline) -> Headline:
+        """The head of the campaign's report, told by both kinds of evidence; `steady` is that of the points alone."""
+        statement = str(self.document["statement"])
+        figures = (*steady.counted, ("Runs in motion", str(self.outcome.data["moving"])))
+        if self.joint is None:
+            return replace(steady, text=f"{steady.text} Runs in motion: {statement} {WHERE}", counted=figures)
+        state: Literal["good", "attention"] = "attention" if self.differs or steady.warnings else "good"
+        return Headline(f"{statement} {WHERE}", state, figures, steady.warnings)
+
+    def sheet(self, steady: ActionSheet | None) -> ActionSheet | None:
+        """What to do, told by both kinds of evidence; `steady` is that of the points alone."""
+        title = self.document["phrase"]
+        if steady is None or self.joint is None:
+            return None
+        first = [SheetAnswer("Verdict", (f"{capitalised(title)}.",))]
+        if self.joint.sets:
+            words, known = "Cause" if len(self.joint.sets) == 1 else "Possible causes", titles()
+            sets = (
+                " together with ".join(f"{known[each]}{SHAFT_WORDS[shaft]}" for each, shaft in sorted(one.items()))
+                for one in self.joint.sets
+            )
+            first.append(SheetAnswer(words, tuple(f"{one}." for one in sets)))
+        first.append(SheetAnswer("Evidence", (str(self.document["statement"]),)))
+        tests = tuple(f"{test['description']} ({test['minutes']:.0f} min)." for test in self.document["next_tests"][:2])
+        next_tests = (SheetAnswer("Next test", tests),) if tests else ()
+        answers = (*first, *next_tests, SheetAnswer("Runs in motion", (WHERE,)))
+        return replace(steady, answers=answers, parts=parts_of(self.document), figure=None)
+
+
+def diagnose_mixed(
+    whole: StoredAnalysis,
+    report: Path,
+    judged: ComparedCampaign | None,
+    note: str,
+    clock: Clock,
+    progress: Progress | None = None,
+) -> tuple[MixedDiagnosis | None, tuple[Remark, ...]]:
+    """The runs in motion of an analysed campaign diagnosed, with a report of their own; None where there is none.
+
+    Parameters
+    ----------
+    whole : StoredAnalysis
+        The analysed campaign.
+    report : Path
+        Folder of the campaign's report.
+    judged : ComparedCampaign or None
+        What its steady points say.
+    note : str
+        Told at the head of the report on the runs in motion.
+    clock : callable
+        Time of day, for the provenance.
+    progress : Progress, optional
+        Receives each step as it begins.
+
+    Returns
+    -------
+    MixedDiagnosis or None, tuple of Remark
+        And why there is none though runs were made.
+    """
+    if not whole.beside_motion:
+        return None, ()
+    if judged is not None and judged.carried is not None:
+        said = "runs in motion are not held against a given model; compare without --model to diagnose them"
+        return None, (Remark("info", "runs in motion", said),)
+    try:
+        campaign = whole.analysis.grid.campaign
+        moving, outcome = diagnosed_motion(whole.store, campaign, report / FOLDER, note, progress, clock=clock)
+    except PmgError as error:
+        return None, (Remark("warning", "runs in motion", f"not diagnosed: {error}"),)
+    document = outcome.data["diagnosis"]
+    if judged is None:
+        return MixedDiagnosis(None, document, outcome), ()
+    steady = judged.diagnosis
+    calibration = whole.analysis.calibration
+    assert calibration is not None  # what was judged was calibrated
+    joint = join(steady_evidence(steady, calibration.model, whole.bench), evidence_in_motion(moving))
+    return MixedDiagnosis(joint, joint_document(joint, diagnosis_document(steady), document), outcome), ()

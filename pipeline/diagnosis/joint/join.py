@@ -1,0 +1,204 @@
+"""Steady points and runs in motion of one campaign: the causes that both kinds of evidence allow, as one diagnosis."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
+from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.sim.shafts import SIDES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pmg.pipeline.diagnosis.joint.weighing import Causes, KindOfEvidence, WeighedSet
+
+ANYWHERE = "either"
+"""A shaft that another kind of evidence may make definite."""
+
+BY_BOTH, APART = "both kinds allow it", "each kind has a cause of its own"
+CONTRADICTED = "the sizes that either kind shows contradict each other"
+BY_STEADY, BY_MOTION = "the steady points show it", "the runs in motion show it"
+
+
+@dataclass(frozen=True)
+class JointDiagnosis:
+    """What two kinds of evidence say together.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        Of both.
+    p_value : float
+        Of a mismatch in either, corrected for there being two.
+    sets : tuple of dict of str to str
+        Sets of causes that may be, the leading one first: the shaft of each by its id.
+    by : str
+        Which evidence shows them.
+    something_else : bool
+        Whether a cause may be one that no library has.
+    weights : tuple of float
+        Probability of each set, for equal prior odds, where it is one of them.
+    ruled_out : tuple of dict of str to str
+        Sets that one kind allows and the other does not.
+    """
+
+    verdict: Verdict
+    p_value: float
+    sets: tuple[Causes, ...] = ()
+    by: str = ""
+    something_else: bool = False
+    weights: tuple[float, ...] = ()
+    ruled_out: tuple[Causes, ...] = ()
+
+    @property
+    def found(self) -> bool:
+        """Whether either kind differs from the model beyond the noise."""
+        return self.p_value <= FALSE_ALARM_RATE
+
+
+@dataclass(frozen=True)
+class _JointSet:
+    """A set as both kinds see it; `apart_in` says in which it stands by parts of the rows only."""
+
+    causes: Causes
+    shares: tuple[WeighedSet, WeighedSet]
+    disagreement: float
+    score: float
+    apart_in: tuple[bool, bool]
+
+
+def join(steady: KindOfEvidence[Any, Any], moving: KindOfEvidence[Any, Any]) -> JointDiagnosis:
+    r"""One diagnosis from that of the steady points and that of the runs in motion.
+
+    Parameters
+    ----------
+    steady, moving : KindOfEvidence
+        Each with what it says by itself.
+
+    Notes
+    -----
+    The readings are independent, so logarithms of likelihoods add up. Every set that one kind leaves is fitted to the
+    rows of the other, too, whether those show a mismatch or not. A size :math:`a` that both know is one size: beside
+    the two fits by themselves it costs :math:`(a_1 - a_2)^2 / (u_1^2 + u_2^2)` and saves the cost of a parameter. What
+    one library does not have, or a size it does not share, is no evidence there. A set goes where one kind has another
+    whose evidence is larger by the margin by which it would name that, or where its sizes differ by as much; if all go,
+    a set of either kind together are tried, and if those go, too, each kind has a cause of its own. Of those that stay
+    the ones near the best are left. The p-value is Bonferroni's.
+    """
+    kinds = (steady, moving)
+    p_value = min(1.0, 2.0 * min(kind.p_value for kind in kinds))
+    verdicts = {kind.conclusion.verdict for kind in kinds}
+    if p_value > FALSE_ALARM_RATE:
+        return JointDiagnosis(Verdict.CONFOUNDED if Verdict.CONFOUNDED in verdicts else Verdict.CONSISTENT, p_value)
+    naming = [kind for kind in kinds if kind.sets]
+    if not naming:
+        none = Verdict.NOT_IN_LIBRARY if Verdict.NOT_IN_LIBRARY in verdicts else Verdict.CONFOUNDED
+        return JointDiagnosis(none, p_value)
+    alone = [_weighed(kinds, causes, apart) for causes, apart in _distinct(kinds)]
+    left = _left(kinds, alone, alone) or _left(kinds, alone, [_weighed(kinds, each) for each in _pairs(kinds)])
+    unexplained = any(not kind.sets and kind.p_value <= FALSE_ALARM_RATE for kind in kinds)
+    if not left:
+        leading = tuple(kind.sets[0][0] for kind in naming)
+        weights = (1.0 / len(leading),) * len(leading)
+        if len(leading) == 1:
+            return JointDiagnosis(Verdict.AMBIGUOUS, p_value, leading, CONTRADICTED, True, weights)
+        return JointDiagnosis(Verdict.AMBIGUOUS, p_value, leading, APART, unexplained, weights)
+    sets, weights = _merged(left, sum(kind.of_form for kind in kinds))
+    by = _shown_by(kinds, left)
+    showing = [kind for kind, shows in zip(kinds, by, strict=True) if shows and kind.sets] or naming
+    else_ = unexplained or all(kind.conclusion.weak for kind in showing)
+    kept = [each.causes for each in left]
+    gone = tuple(each.causes for each in alone if each.causes not in kept)
+    verdict = Verdict.NAMED if len(sets) == 1 and not else_ else Verdict.AMBIGUOUS
+    words = BY_BOTH if all(by) else BY_STEADY if by[0] else BY_MOTION
+    return JointDiagnosis(verdict, p_value, sets, words, else_, weights, _without_places(gone, kept))
+
+
+def _distinct(kinds: Iterable[KindOfEvidence[Any, Any]]) -> list[tuple[Causes, tuple[bool, bool]]]:
+    """Sets of both kinds, each once, on definite shafts; and in which kind each stands by parts of the rows only."""
+    found: dict[frozenset[tuple[str, str]], tuple[Causes, list[bool]]] = {}
+    for place, kind in enumerate(kinds):
+        for causes, by_parts in kind.sets:
+            for each in _definite(causes):
+                apart = found.setdefault(frozenset(each.items()), (each, [False, False]))[1]
+                apart[place] |= by_parts
+    return [(causes, (apart[0], apart[1])) for causes, apart in found.values()]
+
+
+def _definite(causes: Causes) -> list[Causes]:
+    """A set on each of the shafts that it leaves open."""
+    choices = [[(name, side) for side in (SIDES if shaft == ANYWHERE else (shaft,))] for name, shaft in causes.items()]
+    return [dict(chosen) for chosen in itertools.product(*choices)]
+
+
+def _pairs(kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]]) -> list[Causes]:
+    """A set of either kind together, where no mechanism is on two shafts."""
+    (ours, theirs), found = ([each for causes, _ in kind.sets for each in _definite(causes)] for kind in kinds), []
+    for one, other in itertools.product(ours, theirs):
+        if all(one[name] == other[name] for name in one.keys() & other.keys()):
+            found.append(one | other)
+    return found
+
+
+def _weighed(
+    kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]],
+    causes: Causes,
+    apart_in: tuple[bool, bool] = (False, False),
+) -> _JointSet:
+    """A set as both kinds see it."""
+    one, other = (kind.weigh(causes) for kind in kinds)
+    saved = disagreement = 0.0
+    for name in one.sizes.keys() & other.sizes.keys():
+        (a, variance), (b, of_other) = one.sizes[name], other.sizes[name]
+        disagreement += (a - b) ** 2 / (variance + of_other)
+        saved += min(kind.cost for kind in kinds)
+    return _JointSet(causes, (one, other), disagreement, one.score + other.score + saved - disagreement, apart_in)
+
+
+def _left(
+    kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]], alone: list[_JointSet], tried: list[_JointSet]
+) -> list[_JointSet]:
+    """Sets that neither kind excludes, near the best of them, which is the first."""
+    own = [max(0.0, *(e.shares[k].score for e in alone if not e.apart_in[k]), 0.0) for k in range(len(kinds))]
+    of_form = sum(kind.of_form for kind in kinds)
+
+    def allowed(each: _JointSet) -> bool:
+        excluded = (
+            own[k] - each.shares[k].score > kind.margin and not each.apart_in[k] for k, kind in enumerate(kinds)
+        )
+        return each.disagreement <= MARGIN + of_form and not any(excluded)
+
+    judged = sorted((e for e in tried if allowed(e)), key=lambda e: -e.score)
+    best = next((each for each in judged if not any(each.apart_in)), None)
+    if best is None:
+        return judged
+    near = (each for each in judged if any(each.apart_in) or best.score - each.score <= MARGIN + of_form)
+    return [best, *(each for each in near if each is not best)]
+
+
+def _merged(left: list[_JointSet], of_form: float) -> tuple[tuple[Causes, ...], tuple[float, ...]]:
+    """Sets without those that differ by a shaft alone, which is then open; and the probability of each."""
+    even = 0.5 * MARGIN / (MARGIN + of_form)
+    found: dict[frozenset[str], tuple[Causes, float]] = {}
+    for each in left:
+        known, weight = found.get(frozenset(each.causes), (each.causes, 0.0))
+        merged = {name: shaft if each.causes[name] == shaft else ANYWHERE for name, shaft in known.items()}
+        found[frozenset(each.causes)] = merged, weight + math.exp(even * (each.score - left[0].score))
+    whole = sum(weight for _, weight in found.values())
+    return tuple(causes for causes, _ in found.values()), tuple(weight / whole for _, weight in found.values())
+
+
+def _shown_by(kinds: Iterable[KindOfEvidence[Any, Any]], left: list[_JointSet]) -> tuple[bool, ...]:
+    """Whether the rows of each kind show the leading set: its evidence there is more than it costs."""
+    return tuple(left[0].shares[k].score > 0.0 for k, _ in enumerate(kinds))
+
+
+def _without_places(gone: Iterable[Causes], kept: list[Causes]) -> tuple[Causes, ...]:
+    """Sets that went, of ids that none of those has that stayed, each once."""
+    ids = {frozenset(each) for each in kept}
+    return tuple({frozenset(each): each for each in gone if frozenset(each) not in ids}.values())
