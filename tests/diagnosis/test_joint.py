@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 GAIN, LOAD, IRON = "torque_gain_error", "load_dependent_bearing_friction", "load_dependent_iron_loss"
 INERTIA, WINDAGE, VISCOSITY = "rotor_inertia", "windage", "lubricant_viscosity"
+UNEVEN = "direction_dependent_friction"
 CERTAIN, SILENT = 0.002, 0.6
 ROWS = 100
 FORM_MARGIN = 0.02
@@ -170,6 +171,30 @@ def test_each_kind_may_show_a_cause_that_the_other_does_not_see() -> None:
     assert (found.verdict, found.sets) == (Verdict.NAMED, ({WINDAGE: "sun", INERTIA: "ring"},))
 
 
+def test_what_is_too_weak_to_be_named_excludes_nothing_and_may_stand_beside_it() -> None:
+    weak = told({VISCOSITY: "ring"}, verdict=Verdict.AMBIGUOUS, weak=True)
+    found = join(weak, told({INERTIA: "ring"}))
+    assert (found.verdict, found.something_else) == (Verdict.AMBIGUOUS, False)
+    assert found.sets == ({INERTIA: "ring"}, {INERTIA: "ring", VISCOSITY: "ring"})
+    fainter = told({VISCOSITY: "ring"}, worth=(({VISCOSITY: "ring"}, 8.0),), verdict=Verdict.AMBIGUOUS, weak=True)
+    found = join(fainter, told({INERTIA: "ring"}))
+    assert (found.verdict, found.sets) == (Verdict.NAMED, ({INERTIA: "ring"},))
+
+
+def test_a_kind_without_a_law_for_a_cause_does_not_exclude_it() -> None:
+    moving = told({UNEVEN: "sun"})
+    assert join(told({GAIN: "sun"}), moving).sets == ({GAIN: "sun", UNEVEN: "sun"},)
+
+    class Lacking(Told):
+        def lacks(self, causes: dict[str, str]) -> bool:
+            return UNEVEN in causes
+
+    ours = told({GAIN: "sun"})
+    lacking = Lacking(ours.conclusion, ours.p_value, ours.problem, ours.catalogue, ours.worth)
+    found = join(lacking, moving)
+    assert (found.verdict, found.sets, found.by) == (Verdict.NAMED, ({UNEVEN: "sun"},), BY_MOTION)
+
+
 def test_causes_that_exclude_each_other_are_both_told() -> None:
     found = join(told({GAIN: "sun"}), told({GAIN: "ring"}))
     assert (found.verdict, found.by, len(found.sets)) == (Verdict.AMBIGUOUS, APART, 2)
@@ -203,6 +228,22 @@ def test_two_weak_kinds_name_nothing_for_sure() -> None:
     found = join(weak, told({GAIN: "sun"}, worth=(({LOAD: "sun"}, 0.0),), verdict=Verdict.AMBIGUOUS, weak=True))
     assert (found.verdict, found.sets, found.something_else) == (Verdict.AMBIGUOUS, ({GAIN: "sun"},), True)
     assert join(weak, told({GAIN: "sun"}, worth=(({LOAD: "sun"}, 0.0),))).verdict is Verdict.NAMED
+
+
+@pytest.mark.parametrize(
+    ("sizes", "named"),
+    [((0.010, 0.011), True), ((0.004, 0.0015), False), ((0.010, 0.0145), False)],
+    ids=["alike", "not shown by one", "another one"],
+)
+def test_a_size_that_one_kind_predicts_of_the_other_is_a_proof(sizes: tuple[float, float], named: bool) -> None:
+    each = [told({GAIN: "sun"}, verdict=Verdict.AMBIGUOUS, weak=True, sizes={GAIN: (s, 1e-6)}) for s in sizes]
+    found = join(*each)
+    assert (found.verdict is Verdict.NAMED, found.something_else) == (named, not named)
+
+
+def test_one_cause_of_two_sizes_is_told_once() -> None:
+    found = join(*(told({GAIN: "sun"}, sizes={GAIN: (size, 1e-6)}) for size in (0.010, 0.016)))
+    assert (found.verdict, found.sets, found.by) == (Verdict.AMBIGUOUS, ({GAIN: "sun"},), CONTRADICTED)
 
 
 def test_a_kind_that_differs_without_a_cause_is_counted() -> None:

@@ -86,9 +86,11 @@ def join(steady: KindOfEvidence[Any, Any], moving: KindOfEvidence[Any, Any]) -> 
     rows of the other, too, whether those show a mismatch or not. A size :math:`a` that both know is one size: beside
     the two fits by themselves it costs :math:`(a_1 - a_2)^2 / (u_1^2 + u_2^2)` and saves the cost of a parameter. What
     one library does not have, or a size it does not share, is no evidence there. A set goes where one kind has another
-    whose evidence is larger by the margin by which it would name that, or where its sizes differ by as much; if all go,
+    whose evidence is larger by the margin by which it would name that, or where its sizes differ by as much; not by
+    evidence too weak to name a cause, which may have one beside the set, nor where the library lacks a law. If all go,
     a set of either kind together are tried, and if those go, too, each kind has a cause of its own. Of those that stay
-    the ones near the best are left. The p-value is Bonferroni's.
+    the ones near the best are left. Where neither kind proves a set by itself, one size in both does. The p-value is
+    Bonferroni's.
     """
     kinds = (steady, moving)
     p_value = min(1.0, 2.0 * min(kind.p_value for kind in kinds))
@@ -100,18 +102,19 @@ def join(steady: KindOfEvidence[Any, Any], moving: KindOfEvidence[Any, Any]) -> 
         none = Verdict.NOT_IN_LIBRARY if Verdict.NOT_IN_LIBRARY in verdicts else Verdict.CONFOUNDED
         return JointDiagnosis(none, p_value)
     alone = [_weighed(kinds, causes, apart) for causes, apart in _distinct(kinds)]
-    left = _left(kinds, alone, alone) or _left(kinds, alone, [_weighed(kinds, each) for each in _pairs(kinds)])
+    left = _left(kinds, alone, alone) or _left(kinds, alone, _together(kinds))
     unexplained = any(not kind.sets and kind.p_value <= FALSE_ALARM_RATE for kind in kinds)
     if not left:
-        leading = tuple(kind.sets[0][0] for kind in naming)
+        leading = tuple({frozenset(kind.sets[0][0].items()): kind.sets[0][0] for kind in naming}.values())
         weights = (1.0 / len(leading),) * len(leading)
         if len(leading) == 1:
             return JointDiagnosis(Verdict.AMBIGUOUS, p_value, leading, CONTRADICTED, True, weights)
         return JointDiagnosis(Verdict.AMBIGUOUS, p_value, leading, APART, unexplained, weights)
+    left += _beside_weak(kinds, alone, left[0])
     sets, weights = _merged(left, sum(kind.of_form for kind in kinds))
     by = _shown_by(kinds, left)
     showing = [kind for kind, shows in zip(kinds, by, strict=True) if shows and kind.sets] or naming
-    else_ = unexplained or all(kind.conclusion.weak for kind in showing)
+    else_ = unexplained or (all(kind.conclusion.weak for kind in showing) and not _predicted(left[0]))
     kept = [each.causes for each in left]
     gone = tuple(each.causes for each in alone if each.causes not in kept)
     verdict = Verdict.NAMED if len(sets) == 1 and not else_ else Verdict.AMBIGUOUS
@@ -136,13 +139,10 @@ def _definite(causes: Causes) -> list[Causes]:
     return [dict(chosen) for chosen in itertools.product(*choices)]
 
 
-def _pairs(kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]]) -> list[Causes]:
-    """A set of either kind together, where no mechanism is on two shafts."""
-    (ours, theirs), found = ([each for causes, _ in kind.sets for each in _definite(causes)] for kind in kinds), []
-    for one, other in itertools.product(ours, theirs):
-        if all(one[name] == other[name] for name in one.keys() & other.keys()):
-            found.append(one | other)
-    return found
+def _beside(causes: Causes, kind: KindOfEvidence[Any, Any]) -> list[Causes]:
+    """Sets of a kind that may stand beside some causes: no mechanism is on two shafts then."""
+    sets = [each for one, _ in kind.sets for each in _definite(one)]
+    return [one for one in sets if all(one[name] == causes[name] for name in one.keys() & causes.keys())]
 
 
 def _weighed(
@@ -160,16 +160,24 @@ def _weighed(
     return _JointSet(causes, (one, other), disagreement, one.score + other.score + saved - disagreement, apart_in)
 
 
+def _together(kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]]) -> list[_JointSet]:
+    """A set of one kind with one of the other."""
+    one, other = kinds
+    ours = [each for causes, _ in one.sets for each in _definite(causes)]
+    return [_weighed(kinds, each | theirs) for each in ours for theirs in _beside(each, other)]
+
+
 def _left(
     kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]], alone: list[_JointSet], tried: list[_JointSet]
 ) -> list[_JointSet]:
     """Sets that neither kind excludes, near the best of them, which is the first."""
-    own = [max(0.0, *(e.shares[k].score for e in alone if not e.apart_in[k]), 0.0) for k in range(len(kinds))]
-    of_form = sum(kind.of_form for kind in kinds)
+    own, of_form = _own(kinds, alone), sum(kind.of_form for kind in kinds)
 
     def allowed(each: _JointSet) -> bool:
         excluded = (
-            own[k] - each.shares[k].score > kind.margin and not each.apart_in[k] for k, kind in enumerate(kinds)
+            own[k] - each.shares[k].score > kind.margin
+            for k, kind in enumerate(kinds)
+            if not (each.apart_in[k] or kind.conclusion.weak or kind.lacks(each.causes))
         )
         return each.disagreement <= MARGIN + of_form and not any(excluded)
 
@@ -179,6 +187,22 @@ def _left(
         return judged
     near = (each for each in judged if any(each.apart_in) or best.score - each.score <= MARGIN + of_form)
     return [best, *(each for each in near if each is not best)]
+
+
+def _own(kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]], alone: list[_JointSet]) -> list[float]:
+    """Evidence of the best set in each kind, of those that stand by evidence there; 0 without any."""
+    return [max([0.0, *(e.shares[k].score for e in alone if not e.apart_in[k])]) for k in range(len(kinds))]
+
+
+def _beside_weak(
+    kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]], alone: list[_JointSet], best: _JointSet
+) -> list[_JointSet]:
+    """The leading set with what a weak mismatch in one kind may be due to, where the set does not explain that."""
+    found = []
+    for kind, own, share in zip(kinds, _own(kinds, alone), best.shares, strict=True):
+        if kind.conclusion.weak and own - share.score > kind.margin and not kind.lacks(best.causes):
+            found += [_weighed(kinds, best.causes | one) for one in _beside(best.causes, kind)]
+    return found
 
 
 def _merged(left: list[_JointSet], of_form: float) -> tuple[tuple[Causes, ...], tuple[float, ...]]:
@@ -191,6 +215,20 @@ def _merged(left: list[_JointSet], of_form: float) -> tuple[tuple[Causes, ...], 
         found[frozenset(each.causes)] = merged, weight + math.exp(even * (each.score - left[0].score))
     whole = sum(weight for _, weight in found.values())
     return tuple(causes for causes, _ in found.values()), tuple(weight / whole for _, weight in found.values())
+
+
+PREDICTED = 3.0
+"""Standard errors from zero of a size in each kind from which on that of one kind, as large, predicts the other."""
+
+
+def _predicted(leading: _JointSet) -> bool:
+    """Whether each kind shows every size of a set by itself, and the sizes agree: the one is a proof of the other."""
+    one, other = leading.shares
+    shown = [
+        min(abs(size) / math.sqrt(variance) for size, variance in (one.sizes[name], other.sizes[name]))
+        for name in leading.causes.keys() & one.sizes.keys() & other.sizes.keys()
+    ]
+    return len(shown) == len(leading.causes) and min(shown) > PREDICTED and leading.disagreement < PREDICTED**2
 
 
 def _shown_by(kinds: Iterable[KindOfEvidence[Any, Any]], left: list[_JointSet]) -> tuple[bool, ...]:

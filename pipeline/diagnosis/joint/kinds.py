@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, GridProblem, candidates, grid_problem, refinement
@@ -17,11 +20,15 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.library.term import Term
     from pmg.pipeline.diagnosis.grid.candidates import Candidate
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.joint.weighing import Causes
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.sim.bench import BenchParameters
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.signals import Array
+
+WITHOUT_LAW = frozenset(("direction_dependent_friction",))
+"""Mechanisms that act on steady points, too, and for which only the library of runs in motion has a law."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +39,10 @@ class SteadyEvidence(KindOfEvidence[CandidateFit, GridProblem]):
         """Plain and detailed form."""
         plain = [each for each in candidates() if (each.identifier, each.shaft) == (identifier, shaft)]
         return [*plain, *(finer for each in plain if (finer := refinement(each)) is not None)]
+
+    def lacks(self, causes: Causes) -> bool:
+        """Friction that differs by direction acts on steady points, and only runs in motion have a law for it."""
+        return not WITHOUT_LAW.isdisjoint(causes)
 
     def one_size(self, fit: CandidateFit) -> tuple[str, float] | None:
         """Of sizes and shapes."""
@@ -69,6 +80,8 @@ class EvidenceInMotion(KindOfEvidence[TermFit, TermProblem]):
 def steady_evidence(diagnosis: Diagnosis, model: LossModel, bench: BenchParameters) -> SteadyEvidence:
     """Steady points beside runs in motion, the zeros of the transducers free.
 
+    Where the readings of a shaft scatter more than their noise beside what explains them best, that scatter counts.
+
     Parameters
     ----------
     diagnosis : Diagnosis
@@ -78,9 +91,15 @@ def steady_evidence(diagnosis: Diagnosis, model: LossModel, bench: BenchParamete
     bench : BenchParameters
         The bench.
     """
-    readings = diagnosis.mismatch.readings
+    readings, naming = diagnosis.mismatch.readings, diagnosis.naming
     white, free = whitener(readings, bench, diagnosis.floor), zero_columns(readings, bench, model)
     problem = grid_problem(readings, bench, model, white, free)
+    beside = problem if naming is None else naming.best.problem
+    scatter = np.ones(len(readings))
+    for mine in readings.of_shaft:
+        spare = float(mine.sum() - np.sum(beside.baseline[mine] ** 2))
+        scatter[mine] = math.sqrt(max(1.0, float(np.sum(beside.left[mine] ** 2)) / max(spare, 1.0)))
+    problem = grid_problem(readings, bench, model, replace(white, scale=scatter * white.scale), free)
     return SteadyEvidence(diagnosis, diagnosis.mismatch.p_value, problem, MECHANISMS)
 
 

@@ -77,6 +77,11 @@ class KindOfEvidence(ABC, Generic[F, P]):
     def one_size(self, fit: F) -> tuple[str, float] | None:
         """Name and value of the only parameter of a fit; None where there are several."""
 
+    def lacks(self, causes: Causes) -> bool:
+        """Whether a mechanism acts on the rows, and the library has no law for it, so that they cannot judge a set."""
+        del causes
+        return False
+
     def variance_of(self, weights: Array) -> float:
         """Variance of a sum of the rows with `weights` (m,)."""
         return float(weights @ weights)
