@@ -282,6 +282,7 @@ def test_as_many_samples_are_dropped_as_the_filter_takes_to_settle(tmp_path: Pat
     assert lengths[0] > lengths[1] > lengths[2]
 
 
+@slow
 def test_drag_that_grows_less_and_less_with_speed_is_named(tmp_path: Path) -> None:
     def torque(m: Turning) -> Array:
         return wheel.plain(m) + 0.05 * np.sign(m.speed) - 0.004 * np.sign(m.speed) * np.abs(m.speed) ** 1.5

@@ -246,7 +246,11 @@ def test_what_neither_half_the_low_pass_nor_twice_names_is_not_named(
 
 @pytest.mark.parametrize(
     ("friction", "others", "named"),
-    [(0.012, "delay", True), (0.012, "", False), pytest.param(0.03, "delay", False, marks=slow)],
+    [
+        (0.012, "delay", True),
+        pytest.param(0.012, "", False, marks=slow),
+        pytest.param(0.03, "delay", False, marks=slow),
+    ],
 )
 def test_what_all_low_passes_name_is_named_where_it_is_most_of_the_mismatch(
     tmp_path: Path, friction: float, others: str, named: bool

@@ -12,6 +12,7 @@ import pytest
 from scipy import stats
 from tests.balance import gearbox, wheel
 from tests.balance.test_known_terms import MACHINE, diagnosed, known, records, written
+from tests.slow import slow
 
 from pmg.pipeline.diagnosis.balance.document import terms_lines
 from pmg.pipeline.diagnosis.balance.estimate import T_95, fit_together
@@ -182,7 +183,7 @@ def test_a_small_mean_of_a_speed_channel_is_told(tmp_path: Path) -> None:
     assert "friction" in warning.do
 
 
-@pytest.mark.parametrize("step", [0.01, 0.0])
+@pytest.mark.parametrize("step", [pytest.param(0.01, marks=slow), 0.0])
 def test_a_zero_that_is_not_resolved_is_no_certain_one(tmp_path: Path, step: float) -> None:
     """Torque in steps of 10 mN m of which one sample shows another; and one that is the same throughout."""
     folder = records(tmp_path / "a", offset, 3)

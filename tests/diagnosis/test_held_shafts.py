@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import cast
 
 import numpy as np
-import pytest
 from tests.diagnosis.test_motion import _campaign
 from tests.slow import slow
 
@@ -61,16 +60,19 @@ def test_a_held_shaft_shows_crosstalk_and_that_is_no_difference_to_search_for() 
     assert len(found.evidence.stretches) == len(found.before.stretches) + 4
 
 
-@pytest.mark.parametrize("seeds", [4, pytest.param(60, marks=slow)])
-def test_crosstalk_of_a_held_shaft_is_as_uncertain_as_is_said(seeds: int) -> None:
+SEEDS = 60
+
+
+@slow
+def test_crosstalk_of_a_held_shaft_is_as_uncertain_as_is_said() -> None:
     """None there, or one that the frame passes on otherwise in each run: in units of the error, of unit size."""
     for size in (0.0, PASSED_ON):
         far = []
-        for seed in range(seeds):
+        for seed in range(SEEDS):
             parts = size * np.random.default_rng(seed).standard_normal(6)
             value, error = _crosstalk(_evidence(_heard(100 + seed, tuple(parts))))
             far.append(value / error)
-        assert float(np.mean(np.square(far))) < 1.0 + 4.0 * math.sqrt(2.0 / seeds), size
+        assert float(np.mean(np.square(far))) < 1.0 + 4.0 * math.sqrt(2.0 / SEEDS), size
 
 
 def test_only_what_reaches_a_shaft_that_is_held_moves_its_reading() -> None:

@@ -164,6 +164,7 @@ def test_a_cause_that_only_one_kind_knows_stands_beside_the_shared_one() -> None
     found = join(told(ours, worth=(({GAIN: "sun"}, 40.0),)), told(theirs, worth=(({GAIN: "sun"}, 40.0),)))
     assert found.verdict is Verdict.NAMED
     assert found.sets == ({GAIN: "sun", WINDAGE: "sun", INERTIA: "ring"},)
+    assert not found.ruled_out, "what is a part of it is not"
 
 
 def test_each_kind_may_show_a_cause_that_the_other_does_not_see() -> None:

@@ -282,6 +282,7 @@ def test_a_delay_is_named_whole_with_its_time(time: float) -> None:
     assert [each["name"] for each in mechanism["parameters"]] == ["delay"]
 
 
+@slow
 def test_a_lag_of_second_order_is_not_taken_for_a_delay_alone() -> None:
     found = _shown("second", 0.010)
     assert found.verdict.names

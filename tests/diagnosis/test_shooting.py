@@ -68,7 +68,7 @@ def _trace(
 
 
 @given(st.floats(-5e-3, 5e-3), st.floats(20.0, 200.0))
-@settings(max_examples=6)
+@settings(max_examples=3)
 def test_a_torque_that_is_missing_speeds_a_free_rotor_up_until_its_drag_balances_it(
     torque: float, speed: float
 ) -> None:

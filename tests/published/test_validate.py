@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from tests.slow import slow
 from typer.testing import CliRunner
 
 from pmg.pipeline.chapters.studies.validation import published_sections
@@ -275,6 +276,7 @@ def test_a_planted_wrong_value_is_called_out(id_: str, found: dict[str, Rounding
     assert wrong.distance < -1.0
 
 
+@slow
 def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(published_folder: Path, tmp_path: Path) -> None:
     runs = [run_validate(published_folder, FEWEST_DRAWS, seed, tmp_path / str(i)) for i, seed in enumerate((1, 2, 1))]
     told = [json.dumps(run.data["figures"]) + "\n".join(run.lines[:-2]) for run in runs]

@@ -119,7 +119,7 @@ def join(steady: KindOfEvidence[Any, Any], moving: KindOfEvidence[Any, Any]) -> 
     gone = tuple(each.causes for each in alone if each.causes not in kept)
     verdict = Verdict.NAMED if len(sets) == 1 and not else_ else Verdict.AMBIGUOUS
     words = BY_BOTH if all(by) else BY_STEADY if by[0] else BY_MOTION
-    return JointDiagnosis(verdict, p_value, sets, words, else_, weights, _without_places(gone, kept))
+    return JointDiagnosis(verdict, p_value, sets, words, else_, weights, _ruled_out(gone, kept))
 
 
 def _distinct(kinds: Iterable[KindOfEvidence[Any, Any]]) -> list[tuple[Causes, tuple[bool, bool]]]:
@@ -236,7 +236,6 @@ def _shown_by(kinds: Iterable[KindOfEvidence[Any, Any]], left: list[_JointSet]) 
     return tuple(left[0].shares[k].score > 0.0 for k, _ in enumerate(kinds))
 
 
-def _without_places(gone: Iterable[Causes], kept: list[Causes]) -> tuple[Causes, ...]:
-    """Sets that went, of ids that none of those has that stayed, each once."""
-    ids = {frozenset(each) for each in kept}
-    return tuple({frozenset(each): each for each in gone if frozenset(each) not in ids}.values())
+def _ruled_out(gone: Iterable[Causes], kept: list[Causes]) -> tuple[Causes, ...]:
+    """Sets that went, each once; of ids that none of those has that stayed."""
+    return tuple({frozenset(one): one for one in gone if not any(one.keys() <= each.keys() for each in kept)}.values())
