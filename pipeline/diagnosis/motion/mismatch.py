@@ -49,7 +49,8 @@ def find_mismatch(found: MotionEvidence) -> Mismatch[MotionPlace]:
     and share the rate of false alarms. What only a course shows is placed where the structure is that carries most of
     it.
     """
-    (step,), (course,) = search(found.evidence, steps=1), search(_courses(found), steps=1)
+    courses = _courses(found)
+    (step,), course = search(found.evidence, steps=1), next(search(courses, steps=1)) if courses.families else None
     bases, left = step.scan.bases, found.evidence.y - step.scan.baseline @ (step.scan.baseline.T @ found.evidence.y)
 
     def shared(p_value: float, part: float) -> float:
@@ -58,17 +59,17 @@ def find_mismatch(found: MotionEvidence) -> Mismatch[MotionPlace]:
     def place(k: int, effect: Array, p_value: float) -> MotionPlace:
         return MotionPlace(found.families[k], p_value, found.torque_of(found.families[k], effect))
 
-    of_courses = shared(course.p_value, OF_COURSES)
+    of_courses = 1.0 if course is None else shared(course.p_value, OF_COURSES)
     p_value = min(shared(step.p_value, 1.0 - OF_COURSES), of_courses)
     corrected = [shared(step.corrected(k), 1.0 - OF_COURSES) for k in range(len(bases))]
     places = [place(k, basis @ (basis.T @ left), corrected[k]) for k, basis in enumerate(bases)]
     clear = sorted((p for p in places if p.p_value <= FALSE_ALARM_RATE), key=lambda p: (p.p_value, -p.size))
-    if not clear and of_courses <= FALSE_ALARM_RATE:
+    if not clear and course is not None and of_courses <= FALSE_ALARM_RATE:
         followed = course.scan.bases[course.best]
         effect = followed @ (followed.T @ left)
         most = int(np.argmax([float(np.sum((basis.T @ effect) ** 2)) for basis in bases]))
         clear = [place(most, effect, of_courses)]
-    tested = len(bases) + len(course.scan.bases)
+    tested = len(bases) + len(courses.families)
     return Mismatch(p_value, FALSE_ALARM_RATE, tuple(clear), tested, found.evidence.null.shape[1])
 
 
