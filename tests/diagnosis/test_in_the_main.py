@@ -135,6 +135,24 @@ def test_what_explains_all_and_predicts_a_part_for_sure_is_what_may_be(
     assert why_weak(replace(found, naming=replace(found.naming, weak=(found.naming.best,)))) == TOO_WEAK
 
 
+@pytest.mark.parametrize(
+    ("fall", "after", "explained", "verdict"),
+    [
+        (101.0, 2.2, True, Verdict.AMBIGUOUS),
+        (99.0, 2.2, True, Verdict.NOT_IN_LIBRARY),
+        (101.0, 3.1, True, Verdict.NOT_IN_LIBRARY),
+        (101.0, 2.2, False, Verdict.NOT_IN_LIBRARY),
+    ],
+)
+def test_what_is_worth_as_much_on_withheld_rows_as_on_those_of_the_fit_is_what_may_be(
+    fall: float, after: float, explained: bool, verdict: Verdict
+) -> None:
+    """Though something is left, and the interval of the gain holds none; on the rows of the fit it is worth 100."""
+    held = replace(proof(after, 1.0), gain_interval=(-0.1, 1.0), fall=fall)
+    found = conclude(NOTHING, MotionCatalogue(), named(SEEN, explained=explained, in_the_main=False), lambda _: held)
+    assert (found.verdict, found.weak) == (verdict, verdict is Verdict.AMBIGUOUS)
+
+
 def test_mechanisms_in_motion_share_what_may_be_left() -> None:
     """Two together come near much that is neither."""
     assert MotionCatalogue().left_in_the_main(1) == TermCatalogue().left_in_the_main(1)

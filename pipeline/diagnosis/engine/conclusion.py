@@ -142,11 +142,13 @@ def _proved(naming: Naming[F, P], held: HeldOut) -> bool:
 def _may_be(naming: Naming[F, P], held: HeldOut) -> bool:
     """Whether withheld rows leave open what they do not bear out: they do not show it, or it predicts a part for sure.
 
-    A part counts where nothing else is seen in what the set leaves.
+    A part counts where nothing else is seen in what the set leaves, or where it is worth as much on withheld rows as on
+    those of the fit.
     """
     if not held.tells:
         return held.rmse_after <= NOT_WORSE * held.rmse_before
-    return naming.remainder.p_value >= ORDINARY and held.gain_interval[0] > 0.0
+    as_much = held.fall >= naming.best.gain and held.rmse_after < held.rmse_before
+    return as_much or (naming.remainder.p_value >= ORDINARY and held.gain_interval[0] > 0.0)
 
 
 def in_the_main_sentence(naming: Naming[Any, Any] | None, held: HeldOut | None) -> str:
