@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from pmg.pipeline.chapters.bench_parts import parts_of
 from pmg.pipeline.commands.in_motion.motion import FOLDER, diagnosed_motion
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document, mechanism_fact
 from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
-from pmg.pipeline.diagnosis.joint.document import joint_document, titles
+from pmg.pipeline.diagnosis.joint.document import joint_document, joint_sentence, titles
 from pmg.pipeline.diagnosis.joint.join import JointDiagnosis, join
 from pmg.pipeline.diagnosis.joint.kinds import evidence_in_motion, steady_evidence
 from pmg.pipeline.recording.remark import Remark
@@ -24,9 +24,15 @@ if TYPE_CHECKING:
     from pmg.pipeline.commands.outcome import Outcome
     from pmg.pipeline.commands.provenance import Clock
     from pmg.pipeline.commands.stored_analysis import StoredAnalysis
+    from pmg.pipeline.diagnosis.joint.weighing import Causes
     from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.model.compared_campaign import ComparedCampaign
     from pmg.pipeline.report.action_sheet import ActionSheet
+    from pmg.pipeline.report.document import Figure
+
+KINDS = "Steady points", "Runs in motion"
+OF_CAUSE = frozenset(("What differs", "How sure", "On the bench", "If ignored"))
+"""Questions of a sheet whose answers hold for a cause whichever evidence names it."""
 
 WHERE = f"The runs in motion have a page of their own: {FOLDER}/report.html."
 
@@ -43,11 +49,20 @@ class MixedDiagnosis:
         The diagnosis of the campaign.
     outcome : Outcome
         Of the runs in motion.
+    motion_sheet : ActionSheet, optional
+        What to do, by the runs in motion alone.
+    alone : tuple of (str, str)
+        What the steady points and the runs in motion say by themselves, in a phrase each.
+    leads : tuple of (dict, dict)
+        The causes that lead in either by itself.
     """
 
     joint: JointDiagnosis | None
     document: dict[str, Any]
     outcome: Outcome
+    motion_sheet: ActionSheet | None = None
+    alone: tuple[str, str] = ("", "")
+    leads: tuple[Causes, Causes] = field(default_factory=lambda: ({}, {}))
 
     @property
     def differs(self) -> bool:
@@ -81,23 +96,41 @@ class MixedDiagnosis:
         return Headline(f"{statement} {WHERE}", state, figures, steady.warnings)
 
     def sheet(self, steady: ActionSheet | None) -> ActionSheet | None:
-        """What to do, told by both kinds of evidence; `steady` is that of the points alone."""
-        title = self.document["phrase"]
+        """What to do, told by both kinds of evidence; `steady` is that of the points alone.
+
+        What to do about a cause, and how sure it is, stands as the kind tells it that leads with that cause.
+        """
         if steady is None or self.joint is None:
             return None
-        first = [SheetAnswer("Verdict", (f"{capitalised(title)}.",))]
+        answers = [SheetAnswer("Verdict", (f"{capitalised(self.document['phrase'])}.",))]
         if self.joint.sets:
             words, known = "Cause" if len(self.joint.sets) == 1 else "Possible causes", titles()
             sets = (
                 " together with ".join(f"{known[each]}{SHAFT_WORDS[shaft]}" for each, shaft in sorted(one.items()))
                 for one in self.joint.sets
             )
-            first.append(SheetAnswer(words, tuple(f"{one}." for one in sets)))
-        first.append(SheetAnswer("Evidence", (str(self.document["statement"]),)))
+            answers.append(SheetAnswer(words, tuple(f"{one}." for one in sets)))
+        answers.append(SheetAnswer("Evidence", (joint_sentence(self.joint),)))
+        told, figure = self._told(steady)
         tests = tuple(f"{test['description']} ({test['minutes']:.0f} min)." for test in self.document["next_tests"][:2])
         next_tests = (SheetAnswer("Next test", tests),) if tests else ()
-        answers = (*first, *next_tests, SheetAnswer("Runs in motion", (WHERE,)))
-        return replace(steady, answers=answers, parts=parts_of(self.document), figure=None)
+        points, runs = (f"{kind}: {phrase}." if phrase else "" for kind, phrase in zip(KINDS, self.alone, strict=True))
+        alone = SheetAnswer("Each alone", tuple(filter(None, (points, runs, WHERE))))
+        return replace(
+            steady, answers=(*answers, *told, *next_tests, alone), parts=parts_of(self.document), figure=figure
+        )
+
+    def _told(self, steady: ActionSheet) -> tuple[tuple[SheetAnswer, ...], Figure | None]:
+        """Answers about the leading cause, and their figure, of the kind that leads with it; runs in motion first."""
+        if self.joint is None or not self.joint.sets:
+            return (), None
+        by_points, by_runs = (set(causes) == set(self.joint.sets[0]) for causes in self.leads)
+        if self.motion_sheet is not None and by_runs:
+            there = tuple(replace(answer, grounds="") for answer in self.motion_sheet.answers)  # on a page of its own
+            return tuple(answer for answer in there if answer.question in OF_CAUSE), self.motion_sheet.figure
+        if by_points:
+            return tuple(answer for answer in steady.answers if answer.question in OF_CAUSE), steady.figure
+        return (), None
 
 
 def diagnose_mixed(
@@ -136,15 +169,27 @@ def diagnose_mixed(
         said = "runs in motion are not held against a given model; compare without --model to diagnose them"
         return None, (Remark("info", "runs in motion", said),)
     try:
-        campaign = whole.analysis.grid.campaign
-        moving, outcome = diagnosed_motion(whole.store, campaign, report / FOLDER, note, progress, clock=clock)
+        moving = diagnosed_motion(
+            whole.store, whole.analysis.grid.campaign, report / FOLDER, note, progress, clock=clock
+        )
     except PmgError as error:
         return None, (Remark("warning", "runs in motion", f"not diagnosed: {error}"),)
-    document = outcome.data["diagnosis"]
+    document = moving.outcome.data["diagnosis"]
     if judged is None:
-        return MixedDiagnosis(None, document, outcome), ()
-    steady = judged.diagnosis
-    calibration = whole.analysis.calibration
+        return MixedDiagnosis(None, document, moving.outcome), ()
+    calibration, of_points = whole.analysis.calibration, diagnosis_document(judged.diagnosis)
     assert calibration is not None  # what was judged was calibrated
-    joint = join(steady_evidence(steady, calibration.model, whole.bench), evidence_in_motion(moving))
-    return MixedDiagnosis(joint, joint_document(joint, diagnosis_document(steady), document), outcome), ()
+    kinds = (
+        steady_evidence(judged.diagnosis, calibration.model, whole.bench),
+        evidence_in_motion(moving.diagnosis),
+    )
+    joint = join(*kinds)
+    points, runs = (kind.sets[0][0] if kind.sets else {} for kind in kinds)
+    return MixedDiagnosis(
+        joint,
+        joint_document(joint, of_points, document),
+        moving.outcome,
+        moving.sheet,
+        (str(of_points["phrase"]), str(document["phrase"])),
+        (points, runs),
+    ), ()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.model.apply_motion_model import MotionPrediction
     from pmg.pipeline.model.motion_model import MotionModel
     from pmg.pipeline.motion.run import MovingRun
+    from pmg.pipeline.report.action_sheet import ActionSheet
 
 
 FOLDER = "motion"
@@ -66,7 +67,16 @@ def compare_motion(
     model: Path | None = None,
 ) -> Outcome:
     """Diagnose the runs in motion of a campaign; write report, diagnosis, model and stills, as `pmg compare` does."""
-    return diagnosed_motion(store, campaign, report, note, progress, model=model)[1]
+    return diagnosed_motion(store, campaign, report, note, progress, model=model).outcome
+
+
+@dataclass(frozen=True)
+class DiagnosedMotion:
+    """Runs in motion diagnosed: as a value, as what the command gives, and as the first screen of their page."""
+
+    diagnosis: MotionDiagnosis
+    outcome: Outcome
+    sheet: ActionSheet | None
 
 
 def diagnosed_motion(
@@ -78,7 +88,7 @@ def diagnosed_motion(
     *,
     model: Path | None = None,
     clock: Clock = now,
-) -> tuple[MotionDiagnosis, Outcome]:
+) -> DiagnosedMotion:
     """Diagnose the runs in motion of a campaign, and write report, diagnosis and stills.
 
     Parameters
@@ -139,7 +149,8 @@ def diagnosed_motion(
     head = f"campaign {campaign}: {counted(len(moving), 'run')} in motion, {minutes:.1f} min"
     summary = (f"  {line}" for line in motion_summary(judged))
     lines = (f"{document['phrase']}: {document['statement']}", head, *summary, *of_model, f"report: {files[0]}")
-    return diagnosis, Outcome(data, lines, partial=bool(aside), mismatch=diagnosis.mismatch.found)
+    outcome = Outcome(data, lines, partial=bool(aside), mismatch=diagnosis.mismatch.found)
+    return DiagnosedMotion(diagnosis, outcome, page.sheet)
 
 
 def diagnose_runs(

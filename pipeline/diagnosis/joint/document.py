@@ -28,8 +28,8 @@ def titles() -> dict[str, str]:
     return moving | {candidate.identifier: candidate.kind.title for candidate in candidates()}
 
 
-def _joint_statement(joint: JointDiagnosis, documents: tuple[Mapping[str, Any], Mapping[str, Any]]) -> str:
-    """The joint verdict in a sentence, and what each kind of evidence says alone."""
+def joint_sentence(joint: JointDiagnosis) -> str:
+    """The joint verdict in a sentence, and what is ruled out."""
     known = titles()
 
     def words(causes: Causes) -> str:
@@ -54,10 +54,14 @@ def _joint_statement(joint: JointDiagnosis, documents: tuple[Mapping[str, Any], 
             found = "together cannot tell"
         case _:
             found = f"do not differ from the model beyond the noise (p = {joint.p_value:.3g} of both)"
+    return f"Steady points and runs in motion {found}.{ruled_out}"
+
+
+def _joint_statement(joint: JointDiagnosis, documents: tuple[Mapping[str, Any], Mapping[str, Any]]) -> str:
+    """The joint verdict, and what each kind of evidence says alone."""
     steady, moving = documents
-    alone = f"Steady points alone, {steady['phrase']}: {steady['statement']}"
     return (
-        f"Steady points and runs in motion {found}.{ruled_out} {alone} "
+        f"{joint_sentence(joint)} Steady points alone, {steady['phrase']}: {steady['statement']} "
         f"Runs in motion alone, {moving['phrase']}: {moving['statement']}"
     )
 
