@@ -97,7 +97,7 @@ def run_compare(
     whole = analysed(store, *read_analysis(store), unproven_analysis(store))
     recorded = begin(recorded_part, whole)
     begin(draw_all, ())  # a worker loads the drawing library meanwhile
-    rng, beside = np.random.default_rng(SEED), whole.beside_motion
+    rng, beside = np.random.default_rng(SEED), whole.beside_motion and given is None
     judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, rng, given, beside_motion=beside)
     hashed = () if model is None else ((f"SHA-256 of {model.name}", sha256_of(model)),)
     grid = whole.analysis.grid

@@ -21,6 +21,7 @@ from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.joint.document import joint_document
 from pmg.pipeline.diagnosis.joint.join import APART, BY_BOTH, BY_MOTION, BY_STEADY, CONTRADICTED, join
+from pmg.pipeline.diagnosis.joint.kinds import SteadyEvidence
 from pmg.pipeline.diagnosis.joint.weighing import KindOfEvidence, WeighedSet
 
 if TYPE_CHECKING:
@@ -119,9 +120,7 @@ def test_evidence_of_both_kinds_adds_up(
     found = join(ours, theirs)
     assert found.verdict is (Verdict.AMBIGUOUS if named is None else Verdict.NAMED)
     assert len(found.sets) == 2 if named is None else found.sets == ({named: "sun"},)
-    leads = found.sets[0]
     assert found.weights[0] == max(found.weights)
-    assert leads == ({named: "sun"} if named else found.sets[0])
 
 
 def test_what_parts_name_stays_unless_the_other_kind_excludes_it() -> None:
@@ -177,6 +176,7 @@ def test_what_is_too_weak_to_be_named_excludes_nothing_and_may_stand_beside_it()
     found = join(weak, told({INERTIA: "ring"}))
     assert (found.verdict, found.something_else) == (Verdict.AMBIGUOUS, False)
     assert found.sets == ({INERTIA: "ring"}, {INERTIA: "ring", VISCOSITY: "ring"})
+    assert found.weights == (0.5, 0.5)
     fainter = told({VISCOSITY: "ring"}, worth=(({VISCOSITY: "ring"}, 8.0),), verdict=Verdict.AMBIGUOUS, weak=True)
     found = join(fainter, told({INERTIA: "ring"}))
     assert (found.verdict, found.sets) == (Verdict.NAMED, ({INERTIA: "ring"},))
@@ -348,6 +348,43 @@ def test_what_is_not_seen_costs_nothing_unless_its_size_is_known_elsewhere() -> 
     assert kind.weigh({GAIN: "ring"}) == WeighedSet(0.0)
 
 
+def test_a_silent_kind_excludes_nothing_by_what_its_parameters_cost() -> None:
+    sizes = {GAIN: (0.01, 1e-6), LOAD: (0.01, 1e-6)}
+    unseen = {GAIN: (0.0, 1.0), LOAD: (0.0, 1.0)}
+    both = {GAIN: "sun", LOAD: "sun"}
+    silent = replace(QUIET, worth={frozenset(both.items()): WeighedSet(-12.0, unseen)})
+    found = join(told(both, sizes=sizes), silent)
+    assert (found.verdict, found.sets, found.by) == (Verdict.NAMED, (both,), BY_STEADY)
+
+
+def test_a_shaft_is_open_only_where_nothing_else_differs() -> None:
+    found = join(told({VISCOSITY: "both"}, {VISCOSITY: "sun"}), QUIET)
+    assert found.sets == ({VISCOSITY: "both"}, {VISCOSITY: "sun"})
+    crossed = {GAIN: "sun", LOAD: "ring"}, {GAIN: "ring", LOAD: "sun"}
+    assert join(told(*crossed), QUIET).sets == crossed
+    assert join(told({GAIN: "sun", LOAD: "ring"}, {GAIN: "ring", LOAD: "ring"}), QUIET).sets == (
+        {GAIN: "either", LOAD: "ring"},
+    )
+
+
+def test_of_an_open_shaft_part_and_parameters_are_those_of_the_joint_one() -> None:
+    steady, moving = documents()
+    names = [{"name": f"gain_{side}", "value": 0.5, "standard_error": 0.1, "unit": "1"} for side in ("sun", "ring")]
+    steady["mechanisms"] = [row(GAIN, "either", 0.1) | {"parameters": names, "component": "sun_torque_transducer"}]
+    kind = told({GAIN: "sun"}, {GAIN: "ring"}, worth=(({GAIN: "sun"}, 20.0),))
+    (mechanism,) = joint_document(join(kind, QUIET), steady, moving)["mechanisms"]
+    assert (mechanism["shaft"], mechanism["component"]) == ("ring", "ring_torque_transducer")
+    assert [each["name"] for each in mechanism["parameters"]] == ["gain_ring"]
+
+
+def test_steady_points_have_no_law_for_friction_that_differs_by_direction() -> None:
+    none: Any = None
+    points = SteadyEvidence(none, 0.5, none, none)
+    assert points.lacks({UNEVEN: "sun", GAIN: "ring"})
+    assert not points.lacks({GAIN: "ring"})
+    assert not points.forms(UNEVEN, "sun")
+
+
 def row(name: str, shaft: str, error: float | None) -> dict[str, Any]:
     """A mechanism of a document."""
     parameters = [{"name": "size", "value": 0.5, "standard_error": error, "unit": "1"}]
@@ -396,4 +433,6 @@ def test_the_document_is_one_of_its_schema(moving_sets: tuple[dict[str, str], ..
     VALID.validate(document)
     assert document["statement"].startswith("Steady points and runs in motion ")
     assert document["statement"].count(steady["statement"]) == 2
+    told_of = {(each["id"], each["shaft"]) for each in document["mechanisms"]}
+    assert told_of == {pair for causes in joint.sets for pair in causes.items()}
     assert sum(each["probability"] for each in document["mechanisms"]) <= len(joint.sets[0]) + 1e-9

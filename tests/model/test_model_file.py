@@ -20,10 +20,12 @@ from typer.testing import CliRunner
 from pmg.pipeline.chapters.explained.extended_model import ends_table, prediction_table
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, leave_model
+from pmg.pipeline.diagnosis.grid.candidates import predict_with
 from pmg.pipeline.diagnosis.grid.locate import find_mismatch
+from pmg.pipeline.diagnosis.grid.zeros import zero_columns
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import AnalysisOptions
-from pmg.pipeline.grid.readings import take_readings
+from pmg.pipeline.grid.readings import predict, take_readings
 from pmg.pipeline.model.apply_model import apply_model, lead, remark
 from pmg.pipeline.model.extreme_steady_points import _spread_over, extreme_steady_points
 from pmg.pipeline.model.model_file import Model, Part, grid_digest, model_of, model_text
@@ -36,6 +38,7 @@ from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
 from pmg.sim.mechanisms import BASELINE, CANDIDATES, OTHERS, REFINED, GainError, LoadFriction, Mechanism
 from pmg.sim.mechanisms.friction import RubbingCarrier, Windage
+from pmg.sim.mechanisms.instruments import ZeroOffset
 from pmg.sim.mechanisms.thermal import WarmingInTwoSteps
 from pmg.sim.steady.baseline import baseline_mechanisms
 from pmg.sim.steady.gearbox import Gearbox
@@ -361,3 +364,21 @@ def test_a_model_that_cannot_be_read_ends_the_command_in_one_line(tmp_path: Path
         done = RUNNER.invoke(app, [command, "--store", str(tmp_path), "--report", report, "--model", str(path)])
         assert done.exit_code == 2
         assert f"{path}: line 1, schema: 3" in done.stderr.replace("\n", "")
+
+
+def test_a_zero_of_a_transducer_moves_what_that_transducer_reads() -> None:
+    """By as much; where the ring torque is the input of an engaged point, the sun's reading through the gear."""
+    analysis = analysed(3, FRICTION)
+    assert analysis.calibration is not None
+    readings = take_readings(analysis.grid, BENCH)
+    of_sun, of_ring = zero_columns(readings, BENCH, analysis.calibration.model).T
+    engaged = readings.configuration == "engaged"
+    np.testing.assert_allclose(of_sun[readings.sun & ~engaged], 1.0, atol=1e-6)
+    np.testing.assert_allclose(of_sun[~readings.sun], 0.0, atol=1e-6)
+    np.testing.assert_allclose(of_ring[~readings.sun], 1.0, atol=1e-6)
+    np.testing.assert_allclose(of_ring[readings.sun & ~engaged], 0.0, atol=1e-6)
+    assert np.all(np.abs(of_ring[engaged]) > 0.3)
+    further = ZeroOffset(offset_sun=2e-3, offset_ring=-1e-3)
+    moved = predict_with(readings, BENCH, analysis.calibration.model, (further,))
+    moved -= predict(readings, BENCH, analysis.calibration.model)
+    np.testing.assert_allclose(2e-3 * of_sun - 1e-3 * of_ring, moved, atol=1e-7)

@@ -10,7 +10,7 @@ from pmg.pipeline.commands.in_motion.motion import FOLDER, diagnosed_motion
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document, mechanism_fact
 from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
 from pmg.pipeline.diagnosis.joint.document import joint_document, joint_sentence, titles
-from pmg.pipeline.diagnosis.joint.join import JointDiagnosis, join
+from pmg.pipeline.diagnosis.joint.join import ANYWHERE, JointDiagnosis, join
 from pmg.pipeline.diagnosis.joint.kinds import evidence_in_motion, steady_evidence
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.action_sheet import SheetAnswer
@@ -124,13 +124,20 @@ class MixedDiagnosis:
         """Answers about the leading cause, and their figure, of the kind that leads with it; runs in motion first."""
         if self.joint is None or not self.joint.sets:
             return (), None
-        by_points, by_runs = (set(causes) == set(self.joint.sets[0]) for causes in self.leads)
+        by_points, by_runs = (_alike(causes, self.joint.sets[0]) for causes in self.leads)
         if self.motion_sheet is not None and by_runs:
             there = tuple(replace(answer, grounds="") for answer in self.motion_sheet.answers)  # on a page of its own
             return tuple(answer for answer in there if answer.question in OF_CAUSE), self.motion_sheet.figure
         if by_points:
             return tuple(answer for answer in steady.answers if answer.question in OF_CAUSE), steady.figure
         return (), None
+
+
+def _alike(one: Causes, other: Causes) -> bool:
+    """Whether two sets hold the same mechanisms, on shafts that do not exclude each other."""
+    if one.keys() != other.keys():
+        return False
+    return all(shaft == other[name] or ANYWHERE in (shaft, other[name]) for name, shaft in one.items())
 
 
 def diagnose_mixed(

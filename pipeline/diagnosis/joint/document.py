@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.engine.conclusion import KNOWN
@@ -12,6 +13,7 @@ from pmg.pipeline.diagnosis.grid.statement import PHRASES, SHAFT_WORDS
 from pmg.pipeline.diagnosis.joint.join import APART, BY_BOTH, CONTRADICTED
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.wording.plurals import uncapitalised
+from pmg.sim.shafts import SIDES, other_side
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -103,7 +105,7 @@ def joint_document(joint: JointDiagnosis, steady: Mapping[str, Any], moving: Map
             "ids": list(causes),
             "shafts": list(causes.values()),
             "why": joint.by,
-            "separating_test": _test(causes, steady),
+            "separating_test": _test(causes, (steady, moving)),
         }
         for causes in joint.sets[1:]
     ]
@@ -120,17 +122,34 @@ def joint_document(joint: JointDiagnosis, steady: Mapping[str, Any], moving: Map
 
 
 def _row(name: str, shaft: str, documents: tuple[Mapping[str, Any], ...]) -> dict[str, Any]:
-    """The mechanism as the kind has it that says that shaft, and knows its first parameter best."""
+    """The mechanism as the kind has it that says that shaft, and knows its first parameter best.
+
+    Where one leaves the shaft open, its part and parameters are those of the joint shaft.
+    """
     rows = [row for document in documents for row in document["mechanisms"] if row["id"] == name]
     same = [row for row in rows if row["shaft"] == shaft]
     found: dict[str, Any] = min(same or rows, key=_relative_error)
+    if not same and shaft in SIDES:
+        of_shaft = [p for p in found["parameters"] if not p["name"].endswith(f"_{other_side(shaft)}")]
+        parts = (each for each in _components() if each[:2] == (name, shaft))
+        component = next((part for *_, part in parts), found["component"])
+        found = found | {"parameters": of_shaft, "component": component}
     return found | {"shaft": shaft}
 
 
-def _test(causes: Causes, steady: Mapping[str, Any]) -> str:
-    """The test by which the steady points would tell a set."""
-    tests = (row["separating_test"] for row in steady["rivals"] if set(causes) <= set(row["ids"]))
-    return next(tests, "")
+@cache
+def _components() -> tuple[tuple[str, str, str], ...]:
+    """Id, shaft and component of the mechanisms of both libraries."""
+    of_points = (
+        (each.identifier, shaft, str(part)) for each in candidates() for shaft, part in each.kind.components.items()
+    )
+    return (*of_points, *((term.identifier, term.place, str(term.component)) for term in library()))
+
+
+def _test(causes: Causes, documents: tuple[Mapping[str, Any], ...]) -> str:
+    """The test by which one kind would tell a set."""
+    rivals = (row for document in documents for row in document["rivals"] if set(causes) <= set(row["ids"]))
+    return next((row["separating_test"] for row in rivals if row["separating_test"]), "")
 
 
 def _relative_error(row: Mapping[str, Any]) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
@@ -63,10 +63,15 @@ class JointDiagnosis:
 
 @dataclass(frozen=True)
 class _JointSet:
-    """A set as both kinds see it; `apart_in` says in which it stands by parts of the rows only."""
+    """A set as both kinds see it; `apart_in` says in which it stands by parts of the rows only.
+
+    `fair` is its evidence in each, to be held against that of another set there: what a size costs is not counted that
+    the other kind knows, too.
+    """
 
     causes: Causes
     shares: tuple[WeighedSet, WeighedSet]
+    fair: tuple[float, float]
     disagreement: float
     score: float
     apart_in: tuple[bool, bool]
@@ -152,12 +157,13 @@ def _weighed(
 ) -> _JointSet:
     """A set as both kinds see it."""
     one, other = (kind.weigh(causes) for kind in kinds)
-    saved = disagreement = 0.0
-    for name in one.sizes.keys() & other.sizes.keys():
+    disagreement, shared = 0.0, one.sizes.keys() & other.sizes.keys()
+    for name in shared:
         (a, variance), (b, of_other) = one.sizes[name], other.sizes[name]
         disagreement += (a - b) ** 2 / (variance + of_other)
-        saved += min(kind.cost for kind in kinds)
-    return _JointSet(causes, (one, other), disagreement, one.score + other.score + saved - disagreement, apart_in)
+    score = one.score + other.score + len(shared) * min(kind.cost for kind in kinds) - disagreement
+    ours, theirs = (each.score + len(shared) * kind.cost for each, kind in zip((one, other), kinds, strict=True))
+    return _JointSet(causes, (one, other), (ours, theirs), disagreement, score, apart_in)
 
 
 def _together(kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]]) -> list[_JointSet]:
@@ -175,7 +181,7 @@ def _left(
 
     def allowed(each: _JointSet) -> bool:
         excluded = (
-            own[k] - each.shares[k].score > kind.margin
+            own[k] - each.fair[k] > kind.margin
             for k, kind in enumerate(kinds)
             if not (each.apart_in[k] or kind.conclusion.weak or kind.lacks(each.causes))
         )
@@ -191,30 +197,51 @@ def _left(
 
 def _own(kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]], alone: list[_JointSet]) -> list[float]:
     """Evidence of the best set in each kind, of those that stand by evidence there; 0 without any."""
-    return [max([0.0, *(e.shares[k].score for e in alone if not e.apart_in[k])]) for k in range(len(kinds))]
+    return [max([0.0, *(e.fair[k] for e in alone if not e.apart_in[k])]) for k in range(len(kinds))]
 
 
 def _beside_weak(
     kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]], alone: list[_JointSet], best: _JointSet
 ) -> list[_JointSet]:
-    """The leading set with what a weak mismatch in one kind may be due to, where the set does not explain that."""
-    found = []
-    for kind, own, share in zip(kinds, _own(kinds, alone), best.shares, strict=True):
-        if kind.conclusion.weak and own - share.score > kind.margin and not kind.lacks(best.causes):
-            found += [_weighed(kinds, best.causes | one) for one in _beside(best.causes, kind)]
-    return found
+    """The leading set with what a weak mismatch in one kind may be due to, where the set does not explain that.
+
+    It is as likely as the leading set: a mismatch that is too weak to be named says no more.
+    """
+    found, of_form = [], sum(kind.of_form for kind in kinds)
+    for k, kind in enumerate(kinds):
+        if not kind.conclusion.weak or _own(kinds, alone)[k] - best.fair[k] <= kind.margin or kind.lacks(best.causes):
+            continue
+        pairs = [_weighed(kinds, best.causes | one) for one in _beside(best.causes, kind)]
+        pairs = [each for each in pairs if each.disagreement <= MARGIN + of_form and each.causes != best.causes]
+        if pairs:
+            found.append(replace(max(pairs, key=lambda each: each.fair[k]), score=best.score))
+    return found[:1]
 
 
 def _merged(left: list[_JointSet], of_form: float) -> tuple[tuple[Causes, ...], tuple[float, ...]]:
     """Sets without those that differ by a shaft alone, which is then open; and the probability of each."""
     even = 0.5 * MARGIN / (MARGIN + of_form)
-    found: dict[frozenset[str], tuple[Causes, float]] = {}
+    found: list[tuple[Causes, float]] = []
     for each in left:
-        known, weight = found.get(frozenset(each.causes), (each.causes, 0.0))
-        merged = {name: shaft if each.causes[name] == shaft else ANYWHERE for name, shaft in known.items()}
-        found[frozenset(each.causes)] = merged, weight + math.exp(even * (each.score - left[0].score))
-    whole = sum(weight for _, weight in found.values())
-    return tuple(causes for causes, _ in found.values()), tuple(weight / whole for _, weight in found.values())
+        weight = math.exp(even * (each.score - left[0].score))
+        for place, (known, so_far) in enumerate(found):
+            if (merged := _on_either(known, each.causes)) is not None:
+                found[place] = merged, so_far + weight
+                break
+        else:
+            found.append((each.causes, weight))
+    whole = sum(weight for _, weight in found)
+    return tuple(causes for causes, _ in found), tuple(weight / whole for _, weight in found)
+
+
+def _on_either(one: Causes, other: Causes) -> Causes | None:
+    """Two sets as one whose only difference is the shaft of one mechanism, which is open then; None for others."""
+    if one.keys() != other.keys():
+        return None
+    differ = [name for name in one if one[name] != other[name]]
+    if len(differ) > 1 or any({one[name], other[name]} - {*SIDES, ANYWHERE} for name in differ):
+        return None
+    return one | dict.fromkeys(differ, ANYWHERE)
 
 
 PREDICTED = 3.0

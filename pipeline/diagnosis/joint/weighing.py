@@ -124,11 +124,17 @@ class KindOfEvidence(ABC, Generic[F, P]):
             if fits:
                 found = found.plus(max(fits, key=found.problem.score))
         found = explain_with(self.problem, self.catalogue, [fit.candidate for fit in found.fits])
-        sizes = {fit.identifier: size for place, fit in enumerate(found.fits) if (size := self._size(found, place))}
+        sizes = self._sizes(found)
         shown = [f.candidate for f in found.fits if self.problem.score(f) > 0.0 or f.identifier in sizes]
         if len(shown) < len(found.fits):
             found = explain_with(self.problem, self.catalogue, shown)
+            sizes = self._sizes(found)
         return WeighedSet(found.score, sizes)
+
+    def _sizes(self, found: Explanation[F, P]) -> dict[str, tuple[float, float]]:
+        """Sizes that another kind may know, too, with their variances."""
+        sizes = ((fit.identifier, self._size(found, place)) for place, fit in enumerate(found.fits))
+        return {name: size for name, size in sizes if size is not None}
 
     def _size(self, found: Explanation[F, P], place: int) -> tuple[float, float] | None:
         """Size of a fit beside the others, and its variance; None where another kind has no such size, or none is seen.
