@@ -357,6 +357,19 @@ def test_a_silent_kind_excludes_nothing_by_what_its_parameters_cost() -> None:
     assert (found.verdict, found.sets, found.by) == (Verdict.NAMED, (both,), BY_STEADY)
 
 
+def test_a_size_that_both_know_is_no_evidence_against_a_set_that_has_none() -> None:
+    """Eight apart in one kind and as much the other way in the other one: one parameter less is odds of ten to one."""
+    scores, sized = (100.0, 92.0), {GAIN: (0.01, 1e-6)}
+    kinds = [
+        replace(kind, worth={**kind.worth, frozenset({(IRON, "both")}): WeighedSet(of_iron)})
+        for of_gain, of_iron in (scores, scores[::-1])
+        for kind in (told({GAIN: "sun"}, {IRON: "both"}, worth=(({GAIN: "sun"}, of_gain),), sizes=sized),)
+    ]
+    found = join(*kinds)
+    assert found.sets == ({GAIN: "sun"}, {IRON: "both"})
+    assert 0.8 < found.weights[0] < 0.95
+
+
 def test_a_shaft_is_open_only_where_nothing_else_differs() -> None:
     found = join(told({VISCOSITY: "both"}, {VISCOSITY: "sun"}), QUIET)
     assert found.sets == ({VISCOSITY: "both"}, {VISCOSITY: "sun"})

@@ -65,8 +65,8 @@ class JointDiagnosis:
 class _JointSet:
     """A set as both kinds see it; `apart_in` says in which it stands by parts of the rows only.
 
-    `fair` is its evidence in each, to be held against that of another set there: what a size costs is not counted that
-    the other kind knows, too.
+    `fair` is its evidence in each to be held against that of the best set there: what a size costs is not counted
+    against it that the other kind knows, too.
     """
 
     causes: Causes
@@ -123,7 +123,7 @@ def join(steady: KindOfEvidence[Any, Any], moving: KindOfEvidence[Any, Any]) -> 
     kept = [each.causes for each in left]
     gone = tuple(each.causes for each in alone if each.causes not in kept)
     verdict = Verdict.NAMED if len(sets) == 1 and not else_ else Verdict.AMBIGUOUS
-    words = BY_BOTH if all(by) else BY_STEADY if by[0] else BY_MOTION
+    words = BY_BOTH if all(by) else BY_STEADY if by[0] or naming == [steady] else BY_MOTION
     return JointDiagnosis(verdict, p_value, sets, words, else_, weights, _ruled_out(gone, kept))
 
 
@@ -197,7 +197,7 @@ def _left(
 
 def _own(kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]], alone: list[_JointSet]) -> list[float]:
     """Evidence of the best set in each kind, of those that stand by evidence there; 0 without any."""
-    return [max([0.0, *(e.fair[k] for e in alone if not e.apart_in[k])]) for k in range(len(kinds))]
+    return [max([0.0, *(e.shares[k].score for e in alone if not e.apart_in[k])]) for k in range(len(kinds))]
 
 
 def _beside_weak(
