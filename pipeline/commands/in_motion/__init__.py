@@ -1,1 +1,1 @@
-"""Runs in motion of a store: by themselves, and beside the steady points of the same campaign."""
+"""Runs in motion of a store: alone, and with steady points of the same campaign."""

@@ -87,7 +87,7 @@ class MixedDiagnosis:
         return {"diagnosis": self.document["verdict"], "mechanisms": rows}
 
     def headline(self, steady: Headline) -> Headline:
-        """The head of the campaign's report, told by both kinds of evidence; `steady` is that of the points alone."""
+        """The head of the report by both kinds of recordings; `steady` is the head by the steady points alone."""
         statement = str(self.document["statement"])
         figures = (*steady.counted, ("Runs in motion", str(self.outcome.data["moving"])))
         if self.joint is None:
@@ -96,7 +96,7 @@ class MixedDiagnosis:
         return Headline(f"{statement} {WHERE}", state, figures, steady.warnings)
 
     def sheet(self, steady: ActionSheet | None) -> ActionSheet | None:
-        """What to do, told by both kinds of evidence; `steady` is that of the points alone.
+        """What to do by both kinds of recordings; `steady` is the sheet by the steady points alone.
 
         What to do about a cause, and how sure it is, stands as the kind tells it that leads with that cause.
         """

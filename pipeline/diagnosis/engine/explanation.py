@@ -76,7 +76,7 @@ def explain_with(problem: P, catalogue: CandidateCatalogue[F, P], candidates: It
     for candidate in candidates:
         found = found.plus(catalogue.fit(found.problem, candidate))
     for place, fit in enumerate(found.fits if len(found.fits) > 1 else ()):
-        rest, gain = _without(problem, found, place)
+        rest, gain = without(problem, found, place)
         found = _replaced(found, place, catalogue.fit(rest, fit.candidate), rest, gain)
     return found
 
@@ -94,8 +94,8 @@ def leaders_in_detail(
     return sorted(found, key=lambda e: -e.score)
 
 
-def _without(problem: P, explanation: Explanation[F, P], place: int) -> tuple[P, float]:
-    """The problem with all candidates of a set taken out but one, and what that one gains there."""
+def without(problem: P, explanation: Explanation[F, P], place: int) -> tuple[P, float]:
+    """The problem with all candidates of a set taken out but the one in a place, and what that one gains there."""
     for other in (*explanation.fits[:place], *explanation.fits[place + 1 :]):
         problem = problem.take_out(other)
     rest = explanation.problem.left
@@ -111,7 +111,7 @@ def _replaced(explanation: Explanation[F, P], place: int, fit: F, rest: P, gain:
 def all_in_detail(problem: P, catalogue: CandidateCatalogue[F, P], explanation: Explanation[F, P]) -> Explanation[F, P]:
     """Each candidate of a set in more detail beside the others, where the data call for it."""
     for place, fit in enumerate(explanation.fits):
-        rest, gain = _without(problem, explanation, place)
+        rest, gain = without(problem, explanation, place)
         here = replace(fit, gain=gain)
         finer = catalogue.in_detail(rest, here, narrower=True)
         if finer is not here:
@@ -123,7 +123,7 @@ def swapped(problem: P, catalogue: CandidateCatalogue[F, P], explanation: Explan
     """Sets in which one candidate of a set gave way to another, or to itself in another place."""
     found = []
     for place, fit in enumerate(explanation.fits):
-        rest, gain = _without(problem, explanation, place)
+        rest, gain = without(problem, explanation, place)
         ranked = catalogue.rank(rest, explanation.ids - {fit.identifier})
         detailed = [catalogue.in_detail(rest, one) for one in leaders(ranked)]
         tried = sorted([*ranked, *detailed], key=lambda one: -rest.score(one))

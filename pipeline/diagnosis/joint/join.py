@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from pmg.pipeline.diagnosis.joint.weighing import Causes, KindOfEvidence, WeighedSet
+
+    Kinds: TypeAlias = tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]]
 
 ANYWHERE = "either"
 """A shaft that another kind of evidence may make definite."""
@@ -116,8 +118,8 @@ def join(steady: KindOfEvidence[Any, Any], moving: KindOfEvidence[Any, Any]) -> 
             return JointDiagnosis(Verdict.AMBIGUOUS, p_value, leading, CONTRADICTED, True, weights)
         return JointDiagnosis(Verdict.AMBIGUOUS, p_value, leading, APART, unexplained, weights)
     left += _beside_weak(kinds, alone, left[0])
-    sets, weights = _merged(left, sum(kind.of_form for kind in kinds))
-    by = _shown_by(kinds, left)
+    sets, weights = _merged(left, _limit(kinds))
+    by = [share.score > 0.0 for share in left[0].shares]  # more than it costs there
     showing = [kind for kind, shows in zip(kinds, by, strict=True) if shows and kind.sets] or naming
     else_ = unexplained or (all(kind.conclusion.weak for kind in showing) and not _predicted(left[0]))
     kept = [each.causes for each in left]
@@ -127,7 +129,7 @@ def join(steady: KindOfEvidence[Any, Any], moving: KindOfEvidence[Any, Any]) -> 
     return JointDiagnosis(verdict, p_value, sets, words, else_, weights, _ruled_out(gone, kept))
 
 
-def _distinct(kinds: Iterable[KindOfEvidence[Any, Any]]) -> list[tuple[Causes, tuple[bool, bool]]]:
+def _distinct(kinds: Kinds) -> list[tuple[Causes, tuple[bool, bool]]]:
     """Sets of both kinds, each once, on definite shafts; and in which kind each stands by parts of the rows only."""
     found: dict[frozenset[tuple[str, str]], tuple[Causes, list[bool]]] = {}
     for place, kind in enumerate(kinds):
@@ -151,7 +153,7 @@ def _beside(causes: Causes, kind: KindOfEvidence[Any, Any]) -> list[Causes]:
 
 
 def _weighed(
-    kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]],
+    kinds: Kinds,
     causes: Causes,
     apart_in: tuple[bool, bool] = (False, False),
 ) -> _JointSet:
@@ -166,18 +168,16 @@ def _weighed(
     return _JointSet(causes, (one, other), (ours, theirs), disagreement, score, apart_in)
 
 
-def _together(kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]]) -> list[_JointSet]:
+def _together(kinds: Kinds) -> list[_JointSet]:
     """A set of one kind with one of the other."""
     one, other = kinds
     ours = [each for causes, _ in one.sets for each in _definite(causes)]
     return [_weighed(kinds, each | theirs) for each in ours for theirs in _beside(each, other)]
 
 
-def _left(
-    kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]], alone: list[_JointSet], tried: list[_JointSet]
-) -> list[_JointSet]:
+def _left(kinds: Kinds, alone: list[_JointSet], tried: list[_JointSet]) -> list[_JointSet]:
     """Sets that neither kind excludes, near the best of them, which is the first."""
-    own, of_form = _own(kinds, alone), sum(kind.of_form for kind in kinds)
+    own, limit = _own(kinds, alone), _limit(kinds)
 
     def allowed(each: _JointSet) -> bool:
         excluded = (
@@ -185,42 +185,44 @@ def _left(
             for k, kind in enumerate(kinds)
             if not (each.apart_in[k] or kind.conclusion.weak or kind.lacks(each.causes))
         )
-        return each.disagreement <= MARGIN + of_form and not any(excluded)
+        return each.disagreement <= limit and not any(excluded)
 
     judged = sorted((e for e in tried if allowed(e)), key=lambda e: -e.score)
     best = next((each for each in judged if not any(each.apart_in)), None)
     if best is None:
         return judged
-    near = (each for each in judged if any(each.apart_in) or best.score - each.score <= MARGIN + of_form)
+    near = (each for each in judged if any(each.apart_in) or best.score - each.score <= limit)
     return [best, *(each for each in near if each is not best)]
 
 
-def _own(kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]], alone: list[_JointSet]) -> list[float]:
+def _limit(kinds: Kinds) -> float:
+    """Evidence by which sets, and sizes of a set, may differ and not be told apart [noise variances]."""
+    return MARGIN + sum(kind.of_form for kind in kinds)
+
+
+def _own(kinds: Kinds, alone: list[_JointSet]) -> list[float]:
     """Evidence of the best set in each kind, of those that stand by evidence there; 0 without any."""
     return [max([0.0, *(e.shares[k].score for e in alone if not e.apart_in[k])]) for k in range(len(kinds))]
 
 
-def _beside_weak(
-    kinds: tuple[KindOfEvidence[Any, Any], KindOfEvidence[Any, Any]], alone: list[_JointSet], best: _JointSet
-) -> list[_JointSet]:
+def _beside_weak(kinds: Kinds, alone: list[_JointSet], best: _JointSet) -> list[_JointSet]:
     """The leading set with what a weak mismatch in one kind may be due to, where the set does not explain that.
 
     It is as likely as the leading set: a mismatch that is too weak to be named says no more.
     """
-    found, of_form = [], sum(kind.of_form for kind in kinds)
-    for k, kind in enumerate(kinds):
-        if not kind.conclusion.weak or _own(kinds, alone)[k] - best.fair[k] <= kind.margin or kind.lacks(best.causes):
+    for k, (kind, own) in enumerate(zip(kinds, _own(kinds, alone), strict=True)):
+        if not kind.conclusion.weak or own - best.fair[k] <= kind.margin or kind.lacks(best.causes):
             continue
         pairs = [_weighed(kinds, best.causes | one) for one in _beside(best.causes, kind)]
-        pairs = [each for each in pairs if each.disagreement <= MARGIN + of_form and each.causes != best.causes]
+        pairs = [each for each in pairs if each.disagreement <= _limit(kinds) and each.causes != best.causes]
         if pairs:
-            found.append(replace(max(pairs, key=lambda each: each.fair[k]), score=best.score))
-    return found[:1]
+            return [replace(max(pairs, key=lambda each: each.fair[k]), score=best.score)]
+    return []
 
 
-def _merged(left: list[_JointSet], of_form: float) -> tuple[tuple[Causes, ...], tuple[float, ...]]:
+def _merged(left: list[_JointSet], limit: float) -> tuple[tuple[Causes, ...], tuple[float, ...]]:
     """Sets without those that differ by a shaft alone, which is then open; and the probability of each."""
-    even = 0.5 * MARGIN / (MARGIN + of_form)
+    even = 0.5 * MARGIN / limit
     found: list[tuple[Causes, float]] = []
     for each in left:
         weight = math.exp(even * (each.score - left[0].score))
@@ -256,11 +258,6 @@ def _predicted(leading: _JointSet) -> bool:
         for name in leading.causes.keys() & one.sizes.keys() & other.sizes.keys()
     ]
     return len(shown) == len(leading.causes) and min(shown) > PREDICTED and leading.disagreement < PREDICTED**2
-
-
-def _shown_by(kinds: Iterable[KindOfEvidence[Any, Any]], left: list[_JointSet]) -> tuple[bool, ...]:
-    """Whether the rows of each kind show the leading set: its evidence there is more than it costs."""
-    return tuple(left[0].shares[k].score > 0.0 for k, _ in enumerate(kinds))
 
 
 def _ruled_out(gone: Iterable[Causes], kept: list[Causes]) -> tuple[Causes, ...]:

@@ -93,8 +93,7 @@ def steady_evidence(diagnosis: Diagnosis, model: LossModel, bench: BenchParamete
     """
     readings, naming = diagnosis.mismatch.readings, diagnosis.naming
     white, free = whitener(readings, bench, diagnosis.floor), zero_columns(readings, bench, model)
-    problem = grid_problem(readings, bench, model, white, free)
-    beside = problem if naming is None else naming.best.problem
+    beside = grid_problem(readings, bench, model, white, free) if naming is None else naming.best.problem
     scatter = np.ones(len(readings))
     for mine in readings.of_shaft:
         spare = float(mine.sum() - np.sum(beside.baseline[mine] ** 2))

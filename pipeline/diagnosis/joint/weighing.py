@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeAlias
 
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
-from pmg.pipeline.diagnosis.engine.explanation import explain_with
+from pmg.pipeline.diagnosis.engine.explanation import explain_with, without
 from pmg.pipeline.diagnosis.engine.problem import F, P
 
 if TYPE_CHECKING:
@@ -30,6 +30,9 @@ ONE_SIZE = {
 }
 """Mechanisms whose size is the same number in both libraries, and its names there; beside other parameters it is not
 that number."""
+
+LEAST_SEEN = 1e-3
+"""Part of a column that must survive the baseline for its size to be seen."""
 
 
 @dataclass(frozen=True)
@@ -145,15 +148,9 @@ class KindOfEvidence(ABC, Generic[F, P]):
         size = self.one_size(fit)
         if size is None or size[0] not in ONE_SIZE.get(fit.identifier, ()):
             return None
-        rest = self.problem
-        for other in (*found.fits[:place], *found.fits[place + 1 :]):
-            rest = rest.take_out(other)
+        rest, _ = without(self.problem, found, place)
         whole = rest.slopes(fit)[:, 0]
         column = rest.project(whole)
         square = float(column @ column)
-        seen = square > ABSORBED**2 * float(whole @ whole)
+        seen = square > LEAST_SEEN**2 * float(whole @ whole)
         return (size[1], self.variance_of(column / square)) if seen else None
-
-
-ABSORBED = 1e-3
-"""Part of a column that must survive the baseline for its size to be seen."""
