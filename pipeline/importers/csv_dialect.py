@@ -33,6 +33,8 @@ BOMS = (
 )
 LOOKED_AT = 20
 """Rows which decide whether the row above them holds units."""
+PREAMBLE, FEWEST_ROWS = 100, 5
+"""Lines above the names of the columns that may be about the file, and rows below that show where the table begins."""
 DELIMITERS = (";", "\t", ",", "|")
 """Separators that are found without being declared, the earlier one first where two are equally frequent."""
 
@@ -147,6 +149,8 @@ def read_head(path: Path, form: CsvForm) -> CsvHead:
         else:
             came = "an empty line, or one beyond the head of the file"
             raise RecordingError(f"{path}, line {form.header_line}", came, "names of columns", "Correct header_line.")
+    if form.header_line is None:
+        at = at[_about_the_file([lines[n] for n in at[: PREAMBLE + LOOKED_AT]], form.delimiter) :]
     if not at:
         raise RecordingError(str(path), "no line with data", "names of columns and samples", "Look into the file.")
     delimiter = form.delimiter if form.delimiter != "auto" else _delimiter([lines[n] for n in at[: 1 + LOOKED_AT]])
@@ -207,6 +211,17 @@ def _delimiter(lines: list[str]) -> str:
         return count > 0, sum(row.count(sign) == count for row in rows), count
 
     return max(DELIMITERS, key=fits)
+
+
+def _about_the_file(lines: list[str], delimiter: str) -> int:
+    """How many lines stand above the first one with as many cells as each row below it, if all have other cells."""
+    for first in range(min(PREAMBLE, len(lines) - FEWEST_ROWS)):
+        some = lines[first : first + 1 + LOOKED_AT]
+        sign = _delimiter(some) if delimiter == "auto" else delimiter
+        counts = {len(cells_of(line, sign)) for line in some}
+        if len(counts) == 1 and counts != {1}:
+            return first if counts.isdisjoint(len(cells_of(line, sign)) for line in lines[:first]) else 0
+    return 0
 
 
 def _named(cells: list[str], path: Path, line: int) -> tuple[list[str], list[str]]:

@@ -29,7 +29,7 @@ class Axis:
     along : str
         Where a friction that changes with position does so.
     positions, speeds, forces : mapping of str to float
-        Units that a channel may have, and what one is in SI; a command in V or A needs a factor besides.
+        Units that a channel may have, and what one is in SI; a command in V, A or % needs a factor besides.
     factor : str
         Key of that factor in a case file.
     shown : tuple of (str, float)
@@ -94,8 +94,8 @@ LINEAR = Axis(
     pushes="force",
     along="slide",
     positions={"m": 1.0, "mm": 1e-3, "um": 1e-6},
-    speeds={"m/s": 1.0, "mm/s": 1e-3},
-    forces={"N": 1.0, "kN": 1e3, "V": 1.0, "A": 1.0},
+    speeds={"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0, "mm/min": 1e-3 / 60.0},
+    forces={"N": 1.0, "kN": 1e3, "V": 1.0, "A": 1.0, "%": 1.0},
     factor="newton_per_unit",
     shown=("mm", 1e-3),
     shown_speed=("mm/s", 1e-3),
@@ -115,7 +115,7 @@ ROTARY = Axis(
     along="turn",
     positions={"rad": 1.0, "mrad": 1e-3, "deg": DEGREE, "rev": REVOLUTION},
     speeds={"rad/s": 1.0, "rpm": RPM, "deg/s": DEGREE, "rev/s": REVOLUTION},
-    forces={**TORQUE, **IMPERIAL_TORQUE, "V": 1.0, "A": 1.0},
+    forces={**TORQUE, **IMPERIAL_TORQUE, "V": 1.0, "A": 1.0, "%": 1.0},
     factor="newton_metre_per_unit",
     shown=("mrad", 1e-3),
     shown_speed=("rad/s", 1.0),

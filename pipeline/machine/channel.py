@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import BeforeValidator, model_validator
 
 from pmg.pipeline.files.strict_tables import Strict, number_within, refuse, refusing, within, word_of
+from pmg.pipeline.wording.units import TIME
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pmg.pipeline.machine.axis import Axis
 
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+TIMES = {unit: TIME[unit] for unit in ("s", "ms", "us", "ns")}
 """Units of a time channel, and what one is in SI."""
 
-COMMANDS = ("V", "A")
+COMMANDS = ("V", "A", "%")
 """Units of a command, of which a factor makes a force or a torque."""
 
 

@@ -26,15 +26,20 @@ ENDS = ("input", "output")
 END_WORDS = (
     {
         "input": "input drive in antrieb eingang motor em primary inner sun sonne",
-        "output": "output load out abtrieb ausgang brake bremse secondary outer ring hohlrad",
+        "output": "output load last out abtrieb ausgang brake bremse secondary outer ring hohlrad",
     },
     {"input": "1", "output": "2"},
+    {"input": "an", "output": "ab"},
 )
 """Words of names that say which, the more certain ones first."""
 PUSH_WORDS = ("force", "kraft")
 """Words of a force, beside those of a torque."""
 KINDS = {"angle": "position", "speed": "velocity", "torque": "force"}
 """Kinds of channels of a shaft by those of signals; a force or a torque drives it."""
+RATE_WORDS, PERIOD_WORDS = {"fs", "rate", "samplerate", "abtastrate"}, {"dt", "ts", "abtastzeit"}
+"""Words of a single value that is the sample rate [Hz], and of one that is the time of a sample [s]."""
+BY_STEPS = "by its even steps alone; the unit is the one that gives a likely rate"
+"""Why a column without a word is taken for a time, where no other is one."""
 LIKELY_RATES = 20.0, 2e5
 """Rates between which a column without a unit is likely a time [Hz]."""
 AS_TEMPERATURE = {"K": "K"} | dict.fromkeys(("degC", "°C", "C"), "degC")
@@ -50,7 +55,7 @@ class ChannelGuess:
     seen : SeenSignal
         What it shows.
     kind : str
-        ``position``, ``velocity``, ``force``, ``current``, ``temperature``, ``time``; empty where not known.
+        ``position``, ``velocity``, ``force``, ``current``, ``temperature``, ``time``, ``rate``; empty where not known.
     end : str
         Shaft, one of `ENDS`; empty where no word tells it.
     unit : str
@@ -103,6 +108,13 @@ def guess_channel(seen: SeenSignal) -> ChannelGuess:
     kind = _kind(unit, of_shafts if end and not unit and len(of_shafts) == 1 else named, words)
     if is_set_point(channel.name) and kind != "time":
         return ChannelGuess(seen, kind, end, unit, "a set-point by its name, and not measured", asked=True)
+    if seen.values == 1 and words & (RATE_WORDS | PERIOD_WORDS):
+        period = " of a sample" if words & PERIOD_WORDS else ""
+        return ChannelGuess(
+            seen, "rate", end, "s" if period else "Hz", f"the {'time' if period else 'rate'}{period}, by its name"
+        )
+    if not kind and not unit and seen.rising and seen.even and seen.step != 1.0 and (likely := _likely_time(seen)):
+        return ChannelGuess(seen, "time", end, likely, BY_STEPS)
     if not kind:
         reason = f"the unit {unit} does not tell" if unit else "no unit"
         return ChannelGuess(seen, "", end, unit, f"{reason}, and neither does its name")

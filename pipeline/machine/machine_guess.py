@@ -13,6 +13,7 @@ from pmg.pipeline.importers.rows import WHOLE_RATE
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
 from pmg.pipeline.machine.channel import TIMES
 from pmg.pipeline.machine.channel_guess import (
+    BY_STEPS,
     ENDS,
     KINDS,
     ChannelGuess,
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 PUSHES = (("force", False), ("current", False), ("force", True), ("current", True))
 """What drives a shaft, the best first: its kind, and whether it was asked for and not measured."""
+MOTIONS = ("velocity", "position")
+"""What shows how fast a shaft turns, the better first."""
 SURE = 0.98
 """Correlation of two speeds from which on their ratio is that of a gear."""
 
@@ -81,7 +84,8 @@ class MachineGuess:
     def chosen(self, end: str, kind: str) -> ChannelGuess | None:
         """The one channel that fits, where nothing is open."""
         fitting = self.channels.get((end, kind), ())
-        return fitting[0] if len(fitting) == 1 and fitting[0].certain else None
+        told = len(self.shafts) == 1 or all(one.end for one in fitting)
+        return fitting[0] if len(fitting) == 1 and fitting[0].certain and told else None
 
     def document(self) -> dict[str, Any]:
         """The same as JSON."""
@@ -116,29 +120,35 @@ def guess_machine(source: ForeignSource) -> MachineGuess:
     axis = LINEAR if any(unit in of_axis(LINEAR) for unit in units) else ROTARY
     fitting = [one for one in guessed if one.kind in (*KINDS.values(), "current") and fits_axis(one, axis)]
     two = {one.end for one in fitting if not one.asked} >= set(ENDS) and axis is ROTARY
+    ended = {one.kind for one in fitting if one.end}
+    loose = [one for one in fitting if not one.end and one.kind in MOTIONS and one.kind not in ended]
     found: dict[tuple[str, str], tuple[ChannelGuess, ...]] = {}
     for end in ENDS if two else ("shaft",):
-        ours = [one for one in fitting if one.end == end or not two]
+        ours = [one for one in fitting if one.end == end or not two or (end == ENDS[0] and one in loose)]
         for kind in KINDS.values():
             drives = PUSHES if kind == "force" else ((kind, False),)
             sets = (tuple(one for one in ours if (one.kind, one.asked) == each) for each in drives)
             if of_kind := next(filter(None, sets), ()):
                 found[end, kind] = of_kind
-    time = tuple(one for one in guessed if one.kind == "time" and one.seen.rising)
+    rising = [one for one in guessed if one.kind == "time" and one.seen.rising]
+    time = tuple([one for one in rising if one.reason != BY_STEPS] or rising)
     warm = tuple(one for one in guessed if one.kind == "temperature" and not one.asked)
     taken = {one.name for ones in (*found.values(), time, warm) for one in ones}
     left = tuple(one for one in guessed if one.name not in taken)
-    guess = MachineGuess(source, axis, found, time, warm, _rate(source, time), None, False, left)
+    guess = MachineGuess(source, axis, found, time, warm, _rate(source, time, guessed), None, False, left)
     return _with_shapes(guess) if two else guess
 
 
-def _rate(source: ForeignSource, time: Iterable[ChannelGuess]) -> float | None:
-    """Sample rate by a time column, else as the file declares it [Hz]."""
+def _rate(source: ForeignSource, time: Iterable[ChannelGuess], guessed: Iterable[ChannelGuess]) -> float | None:
+    """Sample rate by a time column, else as the file declares it, else by a single value that is called so [Hz]."""
     for one in time:
         if one.unit:
             rate = 1.0 / (one.seen.step * TIMES[one.unit])
             return float(round(rate) if abs(rate - round(rate)) <= WHOLE_RATE * rate else f"{rate:.9g}")
     rates = {channel.rate_hz for channel in source.channels} - {None}
+    if not rates:
+        single = [one for one in guessed if one.kind == "rate" and one.seen.low > 0.0]
+        rates = {one.seen.low if one.unit == "Hz" else 1.0 / one.seen.low for one in single}
     return rates.pop() if len(rates) == 1 else None
 
 
@@ -162,7 +172,7 @@ def _with_shapes(guess: MachineGuess) -> MachineGuess:
             apart[kind] = f"rates of {' and '.join(f'{rate:g}' for rate in rates)} Hz"
             continue
         pairs[kind] = [values[each.name] * known.get(each.unit, 1.0) for each in ends]
-    slopes = (_slope(*pairs[kind]) for kind in ("velocity", "position") if kind in pairs)
+    slopes = (_slope(*pairs[kind]) for kind in MOTIONS if kind in pairs)
     ratio = next((found for found in slopes if found is not None), None)
     against = False
     if ratio is not None and "force" in pairs:

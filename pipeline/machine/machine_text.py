@@ -84,8 +84,10 @@ def _shaft(guess: MachineGuess, shaft: str) -> Iterator[str]:
             yield f"# {word}: {len(fitting)} candidates, none chosen: take one{gear}"
         for one in fitting:
             turned = ", sign = -1" if kind == "force" and guess.against and shaft == guess.shafts[-1] else ""
+            if len(guess.shafts) > 1 and not one.end:
+                yield f"# no word tells of which shaft: take '{OPEN.strip()}' away, or move it to the other one"
             if kind == "force" and not one.unit:
-                yield f"# unit: missing; one of {', '.join(axis.forces)}; for V or A add {axis.factor}"
+                yield f"# unit: missing; one of {', '.join(axis.forces)}; for V, A or % add {axis.factor}"
             yield from _channel(word, one, "" if guess.chosen(shaft, kind) is one else OPEN, axis.factor, turned)
             if turned:
                 yield "# sign: both torques would put power in most of the time, so one counts what comes out"

@@ -20,7 +20,8 @@ FREQUENCY = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
 TORQUE = {"N m": 1.0, "mN m": 1e-3, "kN m": 1e3}
 IMPERIAL_TORQUE = {"lbf ft": 1.3558179483, "lbf in": 0.1129848290, "ozf in": 0.0070615518, "kgf m": 9.80665}
 """Torques as data sheets and old transducers give them (NIST SP 811, appendix B)."""
-ELECTRIC = {"V": 1.0, "mV": 1e-3, "A": 1.0, "mA": 1e-3}
+ELECTRIC = {"V": 1.0, "mV": 1e-3, "A": 1.0, "mA": 1e-3, "%": 1.0}
+"""Units of what a factor makes a torque of; in per cent drives give a part of their rated torque."""
 COUNT = {"1": 1.0}
 ANGLE = {"rad": 1.0, "mrad": MILLI, "deg": math.pi / 180.0, "rev": REVOLUTION}
 SPEED = {"rpm": RPM, "rad/s": 1.0, "deg/s": math.pi / 180.0}
@@ -76,8 +77,18 @@ OTHER_WORDS = {
     "-": "1",
     "Volt": "V",
     "Volts": "V",
+    "percent": "%",
+    "pct": "%",
     "sec": "s",
     "seconds": "s",
+    "usec": "us",
+    "μs": "us",
+    "rad/sec": "rad/s",
+    "deg/sec": "deg/s",
+    "°/s": "deg/s",
+    "rev/min": "rpm",
+    "r/min": "rpm",
+    "RPM": "rpm",
 }
 """Other spellings that recorders use."""
 

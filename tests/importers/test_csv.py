@@ -96,6 +96,27 @@ def test_the_header_may_stand_below_other_lines() -> None:
         source_of(text, CsvForm(header_line=3))
 
 
+ABOUT = b"Bench;Axis X1\nDate;12.03.2026;;;\n\nOperator: none\n"
+
+
+@pytest.mark.parametrize("units", [b"", b"[s];[mm];[N]\n"])
+def test_lines_about_the_file_with_other_cells_than_the_table_are_passed_over(units: bytes) -> None:
+    rows = b"".join(b"0,%03d;1,5;-%d,25\n" % (k, k) for k in range(30))
+    head = b"t;x;F\n" if units else b"t [s];x [mm];F [N]\n"
+    source = source_of(ABOUT + head + units + rows)
+    assert [channel.name for channel in source.channels] == ["t", "x", "F"]
+    assert [channel.unit for channel in source.channels] == ["s", "mm", "N"]
+    assert values(source, "F")[:3] == [-0.25, -1.25, -2.25]
+    assert source.properties["Operator"] == "none"
+
+
+def test_a_row_of_other_cells_among_the_samples_makes_no_row_a_line_of_names() -> None:
+    rows = [b"14:03:%02d;1.5;-2.5\n" % k for k in range(40)]
+    rows[4] = b"14:03:04;1.5\n"
+    source = source_of(b"t;x;F\n" + b"".join(rows))
+    assert [channel.name for channel in source.channels] == ["t", "x", "F"]
+
+
 def test_comments_and_empty_lines_between_samples_do_not_shift_the_lines() -> None:
     source = source_of(b"t;T\n1;2\n# paused\n\n3;4\n")
     assert (values(source, "T"), places(source, "T")) == ([2.0, 4.0], [2, 5])

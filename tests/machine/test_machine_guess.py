@@ -9,15 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import polars as pl
 import pytest
+from scipy.io import savemat
 from tests.balance import gearbox
 
 from pmg.pipeline.commands.exchange import run_guess
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
+from pmg.pipeline.diagnosis.balance.records.channel_values import channels_in_si
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.importers.guess.map_text import OPEN
 from pmg.pipeline.importers.open_source import whole_channels
 from pmg.pipeline.importers.table_source import TableSource
 from pmg.pipeline.machine.machine_file import read_machine
+from pmg.pipeline.recording.findings import Findings
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -143,6 +146,51 @@ def test_where_each_kind_has_two_channels_one_named_shaft_tells_the_other(tmp_pa
     nobody = {name.replace("load", "QQ"): values for name, values in names.items()}
     _, text = proposed(csv(tmp_path / "c.csv", {"t [s]": T, **nobody}))
     assert "# torque: 2 candidates, none chosen: take one; of two shafts, write both and a [gear]" in text
+
+
+def test_units_stand_in_names_and_a_factor_makes_a_torque_of_per_cent(tmp_path: Path) -> None:
+    """A drive's log: nanoseconds, speeds as ``deg_s``, torque as a part of the rated one, no brackets anywhere."""
+    names = {"stamp_ns": 1e9 * T, "vel_deg_s": wave(0.5), "x_rad": wave(0.5), "torque_pct": wave(1.0), "T_amb_C": T}
+    table, text = proposed(csv(tmp_path / "a.csv", names))
+    channel, records = table["shaft"]["shaft"]["channel"], table["records"]
+    assert channel["velocity"] == {"name": "vel_deg_s", "unit": "deg/s"}
+    assert channel["position"] == {"name": "x_rad", "unit": "rad"}
+    assert records["time"] == {"name": "stamp_ns", "unit": "ns"}
+    assert records["temperature"] == {"name": "T_amb_C", "unit": "degC"}
+    assert records["rate_Hz"] == 500.0
+    torque = '{ name = "torque_pct", unit = "%", newton_metre_per_unit ='
+    assert f"{OPEN}torque = {torque}  }}" in text
+    closed = text.replace(f"{OPEN}torque = {torque}", f"torque = {torque} 0.2")
+    (tmp_path / "machine.toml").write_text(closed.replace(f'{OPEN}source = ""', 'source = "plate"'))
+    case = case_of(read_machine(tmp_path / "machine.toml"), tmp_path)
+    found = channels_in_si(tmp_path / "a.csv", case, case.channels, Findings("a.csv"))
+    np.testing.assert_allclose(found["force"], 0.2 * wave(1.0), atol=1e-6, err_msg="one per cent makes 0.2 N m")
+
+
+def test_shafts_by_an_and_ab_and_a_speed_of_neither(tmp_path: Path) -> None:
+    both = {"M_an_Nm": wave(1.0), "M_ab_Nm": -3.0 * wave(1.0), "Theta_Oel": 40.0 + 0.1 * T}
+    speeds = {"n_an_rpm": 7.0 * wave(0.5), "n_ab_rpm": wave(0.5)}
+    table, text = proposed(csv(tmp_path / "a.csv", {"t_s": T, **speeds, **both}))
+    assert table["gear"]["ratio"]["value"] == pytest.approx(7.0)
+    assert table["shaft"]["output"]["channel"]["torque"]["name"] == "M_ab_Nm"
+    assert f'{OPEN}temperature = {{ name = "Theta_Oel"' in text, "the letter is its symbol, oil its word"
+    table, text = proposed(csv(tmp_path / "b.csv", {"t_s": T, "Drehzahl Welle [rpm]": wave(0.5), **both}))
+    assert "velocity" not in table["shaft"]["input"]["channel"]
+    assert f'{OPEN}velocity = {{ name = "Drehzahl Welle", unit = "rpm" }}' in text
+    assert "# no word tells of which shaft" in text
+
+
+def test_a_column_without_a_word_is_a_time_by_its_steps_and_a_single_value_a_rate(tmp_path: Path) -> None:
+    rows = {"data": np.stack([T, wave(0.5)], axis=1), "fs": 500.0}
+    savemat(tmp_path / "a.mat", rows)
+    table, text = proposed(tmp_path / "a.mat")
+    assert f'{OPEN}time = {{ name = "data(:,1)", unit = "s" }}' in text
+    savemat(tmp_path / "b.mat", {"n_rpm": wave(0.5), "M_Nm": wave(1.0), "fs": 400.0})
+    table, text = proposed(tmp_path / "b.mat")
+    assert table["records"]["rate_Hz"] == 400.0
+    assert '# "fs": the rate, by its name' in text
+    savemat(tmp_path / "c.mat", {"n_rpm": wave(0.5), "M_Nm": wave(1.0), "dt": 0.004})
+    assert proposed(tmp_path / "c.mat")[0]["records"]["rate_Hz"] == pytest.approx(250.0)
 
 
 @pytest.mark.parametrize("zone", [None, "Europe/Berlin"])

@@ -20,9 +20,9 @@ SPELLED_TEMPERATURES = ("degC", "°C", "C", "K", "degF", "°F")
 
 KIND_WORDS = {
     "torque": "torque torques drehmoment trq tq moment",
-    "speed": "speed drehzahl rpm omega velocity geschwindigkeit ω",
+    "speed": "speed drehzahl rpm omega velocity vel geschwindigkeit ω",
     "angle": "angle winkel phi theta position pos encoder count counts counter drehwinkel φ θ",
-    "temperature": "temp temperature temperatur",
+    "temperature": "temp temperature temperatur ambient amb oil oel öl",
     "current": "current strom amps iq",
     "time": "time zeit timestamp clock elapsed uhrzeit seconds sec secs",
     "ticks": "tick ticks timer",
@@ -30,6 +30,8 @@ KIND_WORDS = {
 """Words that say what a signal is."""
 LETTERS = {"M": ("torque",), "T": ("torque", "temperature"), "n": ("speed",), "t": ("time",), "I": ("current",)}
 """Single letters that may say so; what has a unit is judged by that alone."""
+GREEK = {"theta", "θ", "phi", "φ"}
+"""Letters of an angle which, beside a word of a temperature, are its symbol."""
 SIDE_WORDS: tuple[Mapping[str, str], ...] = (
     {"sun": "sun sonne sonnenrad", "ring": "ring hohlrad"},
     {
@@ -44,6 +46,10 @@ LONE_UNITS = {
     "A": f"{KIND_WORDS['current']} i I iq id",
     "N": "force kraft",
     "V": "voltage spannung command",
+    "m": "position pos weg travel stroke hub x",
+    "C": f"{KIND_WORDS['temperature']} T θ",
+    "K": f"{KIND_WORDS['temperature']} T θ",
+    "%": f"{KIND_WORDS['torque']} load last",
 }
 """Units of one letter at the end of a name, as in ``force_N``, and the words before them that make them units."""
 SET_WORDS = ["set", "setpoint", "soll", "sollwert", "cmd", "command", "ref", "reference", "demand", "target"]
@@ -84,6 +90,8 @@ def kinds_by_name(name: str) -> tuple[tuple[str, ...], bool]:
     """Kinds that a name may speak of, and whether words say so; a single letter is a weak sign."""
     words = words_of(_parts(name)[1])
     found = tuple(kind for kind, known in KIND_WORDS.items() if set(words) & set(known.split()))
+    if set(found) == {"angle", "temperature"} and set(words) & GREEK:
+        found = ("temperature",)
     if found:
         return found, True
     letters = [word for word in words[:1] if word in LETTERS]
@@ -91,15 +99,22 @@ def kinds_by_name(name: str) -> tuple[tuple[str, ...], bool]:
 
 
 def unit_by_name(name: str, more: Iterable[str] = ()) -> str:
-    """Unit in brackets behind a name, or at its end, as in ``M_Nm``; else empty. One letter needs its `LONE_UNITS`."""
+    """Unit in brackets behind a name, or at its end, as in ``M_Nm``, ``n_rad_s``; else empty.
+
+    One letter needs a word of `LONE_UNITS` before it.
+    """
     _, plain, bracketed = _parts(name)
     known = {*TORQUE, *SPEED, *ANGLE, *ELECTRIC, *FREQUENCY, *TIME, *SPELLED_TEMPERATURES, *more}
     if declared(bracketed) in known:
         return declared(bracketed)
     *before, last = re.split(r"[\s_\-.]", plain)
-    if len(last) == 1 and not set(words_of(" ".join(before))) & set(LONE_UNITS.get(last, "").split()):
+    *_, above = [word for word in before if word != "per"] or [""]
+    if len(before) > 1 and (ratio := declared(f"{above}/{last}")) in known:
+        return ratio
+    unit = declared(last)
+    if len(unit) == 1 and unit in LONE_UNITS and not set(words_of(" ".join(before))) & set(LONE_UNITS[unit].split()):
         return ""
-    return declared(last) if before and declared(last) in known else ""
+    return unit if before and unit in known and (len(unit) > 1 or unit in LONE_UNITS) else ""
 
 
 def kind_by_unit(unit: str, named: tuple[str, ...]) -> str:
