@@ -26,7 +26,7 @@ from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.contest import ModelStep
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms, with_free_runs
 from pmg.pipeline.diagnosis.balance.document import free_run_lines, headline, terms_document, terms_lines
-from pmg.pipeline.diagnosis.balance.errors_told import errors_sentence, percent
+from pmg.pipeline.diagnosis.balance.errors_told import errors_sentence, percent, where_it_sticks
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE, ROTARY_DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import Motion
 from pmg.pipeline.diagnosis.balance.periods import MOST, MOST_VALUES, PER_PERIOD, periods
@@ -417,6 +417,21 @@ def test_what_carries_over_is_not_said_not_to(
     steps = [SimpleNamespace(error_fit=fit, error_withheld=other) for fit, other in filter(None, (before, after))]
     diagnosis = SimpleNamespace(case=SimpleNamespace(axis=ROTARY), withheld=object())
     assert errors_sentence(cast("Any", diagnosis), cast("Any", steps[0]), cast("Any", steps[-1])).endswith(end)
+
+
+@pytest.mark.parametrize(("stuck", "told"), [(2.0, "99.8 % of its square is of samples"), (0.005, "")])
+def test_an_error_that_is_of_samples_where_the_machine_sticks_is_told_without_them(stuck: float, told: str) -> None:
+    """One sample in a hundred may be held by a force of any size; in the others 1 % of the force is left."""
+    own = np.where(np.arange(1000) % 100 == 0, 5.0, 0.0)
+    left = np.where(own > 0.0, stuck, 0.01)
+    recorded = SimpleNamespace(force=np.ones(1000), known=np.zeros(1000), noise_of_rows=lambda one: np.hypot(one, own))
+    noise = SimpleNamespace(noise=SimpleNamespace(standard_deviation=0.01))
+    diagnosis = SimpleNamespace(recorded=recorded, withheld=recorded, noise=noise)
+    step = SimpleNamespace(fitted=SimpleNamespace(left=lambda _: left))
+    sentence = where_it_sticks(cast("Any", diagnosis), cast("Any", step))
+    assert sentence.startswith(told)
+    assert bool(sentence) == bool(told)
+    assert not told or sentence.endswith("in all others it is 1.00 % and 1.00 %.")
 
 
 @pytest.mark.parametrize(("part", "told"), [(0.0306, "3.06 %"), (57109277.0, "more than 1000 %"), (float("nan"), "–")])

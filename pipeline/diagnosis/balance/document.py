@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.errors_told import errors_sentence, percent
+from pmg.pipeline.diagnosis.balance.errors_told import errors_sentence, percent, where_it_sticks
 from pmg.pipeline.diagnosis.balance.estimate import impossible_in
 from pmg.pipeline.diagnosis.balance.records.zero import zero_lines
 from pmg.pipeline.diagnosis.balance.titles import (
@@ -211,6 +211,7 @@ def headline(diagnosis: TermsDiagnosis) -> str:
         main,
         left_out_sentence(diagnosis),
         errors_sentence(diagnosis, first, last),
+        where_it_sticks(diagnosis, last),
     )
     return " ".join(sentence for sentence in sentences if sentence)
 

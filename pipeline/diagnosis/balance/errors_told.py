@@ -5,6 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.proof import telling
+
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.contest import ModelStep
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
@@ -14,6 +18,9 @@ FAR = 2.0
 
 FALLS_TO = 0.5
 """Error on the withheld record with a cause, over that without, up to which the cause carries over."""
+
+MOSTLY = 0.5
+"""Part of the square of an error from which on it is said which samples make it."""
 
 MOST_PART = 10.0
 """Relative error from which on a number says nothing."""
@@ -39,6 +46,23 @@ def errors_sentence(diagnosis: TermsDiagnosis, first: ModelStep, last: ModelStep
         return f"{told}: it does not carry over."
     times = last.error_withheld / last.error_fit if last.error_fit > 0.0 else math.inf
     return f"{told}, which is {times:.2g} times that of the fit."
+
+
+def where_it_sticks(diagnosis: TermsDiagnosis, last: ModelStep) -> str:
+    """What the errors are but for samples near standstill, where these make most of them; else empty."""
+    shared = diagnosis.noise.noise
+    parts, others = [], []
+    for recorded in filter(None, (diagnosis.recorded, diagnosis.withheld)):
+        moves = telling(recorded.noise_of_rows(shared.standard_deviation), shared)
+        left, whole = last.fitted.left(recorded), recorded.force + recorded.known
+        if not moves.any() or not left.any() or not whole[moves].any():
+            return ""
+        parts.append(1.0 - float(np.sum(left[moves] ** 2) / np.sum(left**2)))
+        others.append(percent(float(np.linalg.norm(left[moves]) / np.linalg.norm(whole[moves]))))
+    if parts[0] < MOSTLY:
+        return ""
+    most, where = f"{100.0 * parts[0]:.3g} % of its square", "samples where the machine sticks or turns"
+    return f"{most} is of {where}; in all others it is {' and '.join(others)}."
 
 
 def _in_turn(words: list[str]) -> str:

@@ -60,7 +60,7 @@ class WithheldSamples(Withholding[TermFit, TermProblem]):
 
     def touched(self, fits: tuple[TermFit, ...]) -> Mask:
         """Every sample that tells: a record is continuous."""
-        return _telling(self.scale, self.noise)
+        return telling(self.scale, self.noise)
 
     def predictors(self, fits: tuple[TermFit, ...]) -> tuple[Array, Array, Array]:
         """Columns of the terms at their shapes, refitted with the baseline."""
@@ -91,10 +91,10 @@ def held_out(
 ) -> HeldOut:
     """Errors of the samples of recordings (n,) before and after, with the interval of their difference from blocks."""
     scale = recorded.noise_of_rows(noise.standard_deviation)
-    return compared(split, errors, scale, (_blocks_of(len(scale)), _telling(scale, noise)), rng)
+    return compared(split, errors, scale, (_blocks_of(len(scale)), telling(scale, noise)), rng)
 
 
-def _telling(scale: Array, noise: SerialNoise) -> Mask:
+def telling(scale: Array, noise: SerialNoise) -> Mask:
     """Samples (n,) whose noise is not far above that which all share; every one where that is so everywhere."""
     found = scale < UNTELLING * noise.standard_deviation
     return found if found.any() else ~found
