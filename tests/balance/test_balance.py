@@ -177,7 +177,7 @@ def test_a_force_outside_the_library_is_said_to_be_so(tmp_path: Path) -> None:
     assert "actuator_gain" not in {fit.identifier for fit in found.naming.ranking}, "nothing is known"
     near, lines = near_causes(found), nearest_lines(found)
     assert [line for line in lines if "of the mismatch" in line] == [
-        f"{each.title}: {each.share:.0%} of the mismatch" for each in near
+        f"{each.title}: {each.part} of the mismatch" for each in near
     ]
     assert bool(near) is not lines[0].startswith("No term")
     said = {each.question: " ".join(each.sentences) for each in machine_sheet(found, goes_on=False).answers}

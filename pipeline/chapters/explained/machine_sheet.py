@@ -91,7 +91,7 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
         yield SheetAnswer("Cause", (f"Not named: {why_held_back(d)}",))
     elif d.verdict is Verdict.NOT_IN_LIBRARY:
         but = "" if d.naming is None else f", but {why_not_named(d.naming, 'quarters of the records')}"
-        near = (f"The closest, {each.title}, explains {each.share:.0%} of it{but}." for each in near_causes(d)[:1])
+        near = (f"The closest, {each.title}, explains {each.part} of it{but}." for each in near_causes(d)[:1])
         yield SheetAnswer("Cause", ("No set of terms explains it. We can show where, not why.", *near))
     yield SheetAnswer("How sure", tuple(_sureness(d, first, last)), GROUNDS)
     yield SheetAnswer("On the bench", (_action(d),))

@@ -40,6 +40,9 @@ NEAR_FACTOR, CONVERTED = 0.03, 0.05
 """Part within which a factor is that of a conversion, and distance from 1 from which on one is thought of."""
 
 
+NEARLY_ALL = 0.95
+"""Part of the mismatch from which on a term takes up all that the noise lets be told apart."""
+
 NEAREST, MOST_NEAR = 0.2, 2
 """Part of a mismatch that a term must explain to be listed as near, and how many are listed at most."""
 
@@ -198,6 +201,11 @@ class NearCause:
     test: str
 
     @property
+    def part(self) -> str:
+        """Part of the mismatch in words, which is of squares beyond the noise and known to no better than that."""
+        return "nearly all" if self.share > NEARLY_ALL else f"{self.share:.0%}"
+
+    @property
     def document(self) -> dict[str, Any]:
         """As JSON."""
         return {"id": self.identifier, "share": self.share, "test": self.test}
@@ -238,7 +246,7 @@ def nearest_lines(diagnosis: TermsDiagnosis) -> tuple[str, ...]:
         return (f"No term of the library comes near. Look at what the residual does with {place} (residuals.csv).", "")
     lines = ["Nearest in the library, none of them named:"]
     for each in near:
-        lines.append(f"{each.title}: {each.share:.0%} of the mismatch")
+        lines.append(f"{each.title}: {each.part} of the mismatch")
         lines.append(f"  on the bench: {each.test}")
     return (*lines, "")
 
