@@ -242,6 +242,20 @@ def test_a_size_that_one_kind_predicts_of_the_other_is_a_proof(sizes: tuple[floa
     assert (found.verdict is Verdict.NAMED, found.something_else) == (named, not named)
 
 
+def test_the_size_of_both_is_known_as_well_as_it_says() -> None:
+    """Weighted by what each knows; 95 % of intervals hold the truth, and a few more, as a difference widens them."""
+    rng, true, errors = np.random.default_rng(20), 0.01, (0.001, 0.0005)
+    inside = []
+    for _ in range(2000):
+        sizes = [(float(true + u * rng.standard_normal()), u**2) for u in errors]
+        found = join(*(told({GAIN: "sun"}, sizes={GAIN: size}) for size in sizes))
+        if found.by != CONTRADICTED:
+            size, u = found.sizes[GAIN]
+            inside.append(abs(size - true) < 1.96 * u)
+            assert min(sizes)[0] < size < max(sizes)[0]
+    assert np.mean(inside) == pytest.approx(0.96, abs=0.012)
+
+
 def test_one_cause_of_two_sizes_is_told_once() -> None:
     found = join(*(told({GAIN: "sun"}, sizes={GAIN: (size, 1e-6)}) for size in (0.010, 0.016)))
     assert (found.verdict, found.sets, found.by) == (Verdict.AMBIGUOUS, ({GAIN: "sun"},), CONTRADICTED)
@@ -449,3 +463,14 @@ def test_the_document_is_one_of_its_schema(moving_sets: tuple[dict[str, str], ..
     told_of = {(each["id"], each["shaft"]) for each in document["mechanisms"]}
     assert told_of == {pair for causes in joint.sets for pair in causes.items()}
     assert sum(each["probability"] for each in document["mechanisms"]) <= len(joint.sets[0]) + 1e-9
+
+
+def test_the_size_of_both_stands_in_the_document_where_the_mechanism_has_no_other() -> None:
+    joint = join(*(told({LOAD: "sun"}, sizes={LOAD: (size, 1e-8)}) for size in (0.0040, 0.0042)))
+    steady, moving = documents({LOAD: "sun"})
+    size = {"name": "mu", "value": 0.004, "standard_error": 1e-4, "unit": "1"}
+    for parameters, expected in (([size], 0.0041), ([size, size | {"name": "power"}], 0.004)):
+        each = [d | {"mechanisms": [row(LOAD, "sun", 0.1) | {"parameters": parameters}]} for d in (steady, moving)]
+        document = joint_document(joint, each[0], each[1])
+        VALID.validate(document)
+        assert document["mechanisms"][0]["parameters"][0]["value"] == pytest.approx(expected)

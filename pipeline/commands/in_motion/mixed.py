@@ -15,10 +15,13 @@ from pmg.pipeline.diagnosis.joint.kinds import evidence_in_motion, steady_eviden
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.action_sheet import SheetAnswer
 from pmg.pipeline.report.document import Headline
+from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.plurals import capitalised
+from pmg.pipeline.wording.units import displayed
 from pmg.sim.errors import PmgError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from pmg.pipeline.commands.outcome import Outcome
@@ -33,6 +36,9 @@ if TYPE_CHECKING:
 KINDS = "Steady points", "Runs in motion"
 OF_CAUSE = frozenset(("What differs", "How sure", "On the bench", "If ignored"))
 """Questions of a sheet whose answers hold for a cause whichever evidence names it."""
+
+INSTRUMENTS = frozenset(("torque_gain_error", "torque_crosstalk"))
+"""Mechanisms whose size, a part of something, is shown in per cent."""
 
 WHERE = f"The runs in motion have a page of their own: {FOLDER}/report.html."
 
@@ -110,7 +116,7 @@ class MixedDiagnosis:
                 for one in self.joint.sets
             )
             answers.append(SheetAnswer(words, tuple(f"{one}." for one in sets)))
-        answers.append(SheetAnswer("Evidence", (joint_sentence(self.joint),)))
+        answers.append(SheetAnswer("Evidence", (joint_sentence(self.joint), *self._sizes())))
         told, figure = self._told(steady)
         tests = tuple(f"{test['description']} ({test['minutes']:.0f} min)." for test in self.document["next_tests"][:2])
         next_tests = (SheetAnswer("Next test", tests),) if tests else ()
@@ -119,6 +125,16 @@ class MixedDiagnosis:
         return replace(
             steady, answers=(*answers, *told, *next_tests, alone), parts=parts_of(self.document), figure=figure
         )
+
+    def _sizes(self) -> Iterator[str]:
+        """Sizes that both kinds of recordings give the leading set together."""
+        assert self.joint is not None
+        for row in self.document["mechanisms"]:
+            if row["id"] in self.joint.sizes and len(row["parameters"]) == 1:
+                (of_both,) = row["parameters"]
+                factor, unit = displayed(of_both["unit"], share=row["id"] in INSTRUMENTS)
+                size = measured(factor * of_both["value"], factor * of_both["standard_error"])
+                yield f"Its size by both: {size}{unit}."
 
     def _told(self, steady: ActionSheet) -> tuple[tuple[SheetAnswer, ...], Figure | None]:
         """Answers about the leading cause, and their figure, of the kind that leads with it; runs in motion first."""

@@ -11,6 +11,7 @@ from pmg.pipeline.diagnosis.grid.candidates import candidates
 from pmg.pipeline.diagnosis.grid.rivals import NONE_KNOWN
 from pmg.pipeline.diagnosis.grid.statement import PHRASES, SHAFT_WORDS
 from pmg.pipeline.diagnosis.joint.join import APART, BY_BOTH, CONTRADICTED
+from pmg.pipeline.diagnosis.joint.weighing import ONE_SIZE
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.wording.plurals import uncapitalised
 from pmg.sim.shafts import SIDES, other_side
@@ -72,7 +73,7 @@ def joint_document(joint: JointDiagnosis, steady: Mapping[str, Any], moving: Map
     """One document ``pmg.diagnosis/1`` from those of both kinds; its shape is that of the steady one.
 
     A mechanism that both have stands with the numbers of the kind that knows its first parameter better, of those that
-    say the joint shaft.
+    say the joint shaft; a size that is one in both is that of both together.
     """
     design = {**(steady["design"] or {"blind_to_slow_changes": [], "look_alike": []})}
     design["unseen"] = [*design.get("unseen", []), *(moving["design"] or {}).get("unseen", [])]
@@ -99,7 +100,10 @@ def joint_document(joint: JointDiagnosis, steady: Mapping[str, Any], moving: Map
     mechanisms = []
     for name, shaft in names:
         share = sum(w for each, w in zip(joint.sets, joint.weights, strict=True) if each.get(name) == shaft)
-        mechanisms.append(_row(name, shaft, (moving, steady)) | {"probability": known * share})
+        row = _row(name, shaft, (moving, steady))
+        if joint.sets[0].get(name) == shaft and name in joint.sizes:
+            row = _with_size(row, *joint.sizes[name])
+        mechanisms.append(row | {"probability": known * share})
     rivals = [
         {
             "ids": list(causes),
@@ -135,6 +139,13 @@ def _row(name: str, shaft: str, documents: tuple[Mapping[str, Any], ...]) -> dic
         component = next((part for *_, part in parts), found["component"])
         found = found | {"parameters": of_shaft, "component": component}
     return found | {"shaft": shaft}
+
+
+def _with_size(row: dict[str, Any], value: float, uncertainty: float) -> dict[str, Any]:
+    """The mechanism with the size that both kinds together give it, where it has no other parameter."""
+    if len(row["parameters"]) != 1 or row["parameters"][0]["name"] not in ONE_SIZE[row["id"]]:
+        return row
+    return row | {"parameters": [row["parameters"][0] | {"value": value, "standard_error": uncertainty}]}
 
 
 @cache

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
@@ -47,6 +47,8 @@ class JointDiagnosis:
         Probability of each set, for equal prior odds, where it is one of them.
     ruled_out : tuple of dict of str to str
         Sets that one kind allows and the other does not.
+    sizes : dict of str to (float, float)
+        Size in the leading set, and its standard uncertainty, of each mechanism whose size both kinds know, by its id.
     """
 
     verdict: Verdict
@@ -56,6 +58,7 @@ class JointDiagnosis:
     something_else: bool = False
     weights: tuple[float, ...] = ()
     ruled_out: tuple[Causes, ...] = ()
+    sizes: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def found(self) -> bool:
@@ -126,7 +129,8 @@ def join(steady: KindOfEvidence[Any, Any], moving: KindOfEvidence[Any, Any]) -> 
     gone = tuple(each.causes for each in alone if each.causes not in kept)
     verdict = Verdict.NAMED if len(sets) == 1 and not else_ else Verdict.AMBIGUOUS
     words = BY_BOTH if all(by) else BY_STEADY if by[0] or naming == [steady] else BY_MOTION
-    return JointDiagnosis(verdict, p_value, sets, words, else_, weights, _ruled_out(gone, kept))
+    sizes = _sizes_of_both(left[0]) if sets[0] == left[0].causes else {}
+    return JointDiagnosis(verdict, p_value, sets, words, else_, weights, _ruled_out(gone, kept), sizes)
 
 
 def _distinct(kinds: Kinds) -> list[tuple[Causes, tuple[bool, bool]]]:
@@ -258,6 +262,22 @@ def _predicted(leading: _JointSet) -> bool:
         for name in leading.causes.keys() & one.sizes.keys() & other.sizes.keys()
     ]
     return len(shown) == len(leading.causes) and min(shown) > PREDICTED and leading.disagreement < PREDICTED**2
+
+
+def _sizes_of_both(leading: _JointSet) -> dict[str, tuple[float, float]]:
+    r"""Sizes that both kinds know, and their standard uncertainties.
+
+    The weighted mean; where the two differ by more than they are known its uncertainty grows by their distance over
+    that (R. T. Birge, 'The Calculation of Errors by the Method of Least Squares', Phys. Rev. 40 (1932) 207).
+    """
+    one, other = leading.shares
+    found = {}
+    for name in sorted(one.sizes.keys() & other.sizes.keys()):
+        (a, variance), (b, of_other) = one.sizes[name], other.sizes[name]
+        both = variance + of_other
+        apart = max(1.0, abs(a - b) / math.sqrt(both))
+        found[name] = (a * of_other + b * variance) / both, apart * math.sqrt(variance * of_other / both)
+    return found
 
 
 def _ruled_out(gone: Iterable[Causes], kept: list[Causes]) -> tuple[Causes, ...]:
