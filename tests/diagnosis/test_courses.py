@@ -7,12 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from tests.diagnosis.test_motion import _campaign
 
 from pmg.pipeline.diagnosis.balance.fitting import Tabled
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, search
+from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.compressed import Family
+from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
+from pmg.pipeline.diagnosis.motion.fitted import fit_constants
 from pmg.pipeline.diagnosis.motion.mismatch import find_mismatch
+from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
@@ -83,3 +88,15 @@ def test_false_alarms_keep_their_rate_over_both_searches() -> None:
     p = np.array([looked(planted(0.0, seed)).p_value for seed in range(100, 500)])
     assert float(np.mean(p <= FALSE_ALARM_RATE)) < FALSE_ALARM_RATE + 0.05
     assert float(np.mean(p <= 0.5)) > 0.3
+
+
+def test_a_rise_over_a_milliradian_after_a_reversal_is_friction_of_any_bearing() -> None:
+    """It is no finding, and a rise over an angle that the library names stays visible."""
+    before, _, noise = fit_constants(_campaign(31), load_bench())
+    problem = motion_evidence(before, noise, library(), np.random.default_rng(0)).problem
+    for variant in ("", "one stop"):
+        term = problem.tables[f"presliding_friction/sun/{variant}"].term
+        for angle, least, most in ((7e-4, 0.0, 0.3), (1.3e-3, 0.0, 0.3), (0.05, 0.6, 1.0)):
+            columns = problem.columns_of(term, angle)
+            left = float(np.linalg.norm(problem.project(columns)) / np.linalg.norm(columns))
+            assert least <= left <= most, (variant, angle)

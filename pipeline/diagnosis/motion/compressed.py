@@ -11,6 +11,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.motion.families import spans_by_kind, structures
 from pmg.pipeline.diagnosis.motion.noise.hum import hums_of
 from pmg.pipeline.diagnosis.motion.view import views_of
+from pmg.pipeline.fit.span import orthonormal
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -158,3 +159,10 @@ def _span(columns: Array) -> Array:
     squares, vectors = np.linalg.eigh(unit.T @ unit)
     kept = squares > KEPT**2 * squares[-1]
     return np.asarray(unit @ (vectors[:, kept] / np.sqrt(squares[kept])))
+
+
+def scatter_beyond(left: Array, looked: list[Array]) -> float:
+    """Standard deviation of rows (m,) about all that columns span."""
+    everything = orthonormal(np.hstack(looked))
+    rest = left - everything @ (everything.T @ left)
+    return float(np.sqrt(rest @ rest / max(len(left) - everything.shape[1], 1)))

@@ -13,7 +13,7 @@ from scipy.linalg import block_diag
 from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermProblem
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
-from pmg.pipeline.diagnosis.motion.compressed import Compressed, Family, compressed, shapes_of
+from pmg.pipeline.diagnosis.motion.compressed import Compressed, Family, compressed, scatter_beyond, shapes_of
 from pmg.pipeline.diagnosis.motion.constants import (
     MAP_WAVES,
     RIPPLE,
@@ -27,7 +27,7 @@ from pmg.pipeline.diagnosis.motion.constants import (
 from pmg.pipeline.diagnosis.motion.families import SWINGING
 from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise, wander_at_knots
 from pmg.pipeline.diagnosis.motion.view import views_of
-from pmg.pipeline.fit.span import freed, orthonormal
+from pmg.pipeline.fit.span import freed
 from pmg.pipeline.motion.smooth import BAND
 from pmg.sim.shafts import SIDES
 
@@ -169,7 +169,7 @@ def motion_evidence(
     looked, swinging = _looked_for(parts, stacked)
     searched = (block < turning) | (block == len(parts))
     left = np.concatenate([*(part.left for part in parts), off])[searched]
-    shown = _scatter(left, [each[searched] for each in (columns, *looked.values())])
+    shown = scatter_beyond(left, [each[searched] for each in (columns, *looked.values())])
     scatter = max(shown, 1.0)
     rough = (math.sqrt(max(part.unexplained, 1.0)) if k >= turning else 1.0 for k, part in enumerate(parts))
     unit = 1.0 / np.array([*(scatter * each for each in rough), 1.0])[block]
@@ -188,10 +188,13 @@ def motion_evidence(
         of_part = [p.row_weights.T @ term.rows_on(view, shape) if term.acts(view) else None for p, view in acting]
         return unit[:, None] * stacked(of_part, len(term.amplitudes))
 
-    problem = TermProblem(*freed(columns, y), _remembered(worked_out, tables), tables, ABSORBED_BY_SHEET)
+    granted = [worked_out(term, term.granted) for term in terms if term.granted is not None]
+    beside = np.hstack([columns, *granted])
+    problem = TermProblem(*freed(beside, y), _remembered(worked_out, tables), tables, ABSORBED_BY_SHEET)
     draws = np.vstack([_null(parts, tuple(noise), rng), rng.standard_normal((len(known), DRAWS))])
-    every = (np.ones(len(y), dtype=np.bool_),)
-    evidence = Evidence(problem.left, problem.baseline, list(looked.values()), every, draws)
+    evidence = Evidence(
+        problem.left, problem.baseline, list(looked.values()), (np.ones(len(y), dtype=np.bool_),), draws
+    )
     return MotionEvidence(
         evidence=evidence,
         problem=problem,
@@ -281,12 +284,6 @@ def _remembered(
         return tables[term.key].columns[:, 0] if term.shape is None else kept(motion, shape)
 
     return columns_of
-
-
-def _scatter(left: Array, looked: list[Array]) -> float:
-    everything = orthonormal(np.hstack(looked))
-    rest = left - everything @ (everything.T @ left)
-    return float(np.sqrt(rest @ rest / max(len(left) - everything.shape[1], 1)))
 
 
 def _of_sheet(sheet: DataSheet, names: tuple[str, ...], rows: int) -> Array:

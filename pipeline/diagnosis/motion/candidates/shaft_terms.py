@@ -33,6 +33,11 @@ SHARP = 0.06
 """Speed over which friction that changes sides at once does so [rad/s]: twice the noise of a speed."""
 
 
+RISES = 1e-3
+"""Angle over which the friction of any bearing may rise after a reversal [rad], as its balls roll on before they slip;
+what rises over less than the least angle of a finding is not told from it."""
+
+
 def _eccentric(side: str) -> Callable[[RotorView, float], Array]:
     """An encoder that shows an angle too large by a wave of once a turn, for 1 rad."""
 
@@ -122,6 +127,7 @@ def reversal_terms(side: str) -> Iterator[MotionTerm]:
             follows=(LawCovariate.SPEED,),
             component=bearings,
             shaft=side,
+            granted=None if variant else RISES,
         )
 
     yield term(

@@ -60,6 +60,8 @@ class MotionTerm(Term[RotorView]):
         Whether a zero run shows it, too.
     shown_held : bool
         Whether the reading of a shaft shows it that is held while the other one turns.
+    granted : float, optional
+        Value of its shape at which every machine may have some of it: what it does there is free, and no finding.
     """
 
     component: Component = field(kw_only=True)
@@ -78,6 +80,7 @@ class MotionTerm(Term[RotorView]):
     engaged_only: bool = False
     shown_at_rest: bool = False
     shown_held: bool = False
+    granted: float | None = None
 
     @property
     def place(self) -> str:
