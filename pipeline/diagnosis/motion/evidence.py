@@ -192,9 +192,8 @@ def motion_evidence(
     beside = np.hstack([columns, *granted])
     problem = TermProblem(*freed(beside, y), _remembered(worked_out, tables), tables, ABSORBED_BY_SHEET)
     draws = np.vstack([_null(parts, tuple(noise), rng), rng.standard_normal((len(known), DRAWS))])
-    evidence = Evidence(
-        problem.left, problem.baseline, list(looked.values()), (np.ones(len(y), dtype=np.bool_),), draws
-    )
+    every = (np.ones(len(y), dtype=np.bool_),)
+    evidence = Evidence(problem.left, problem.baseline, list(looked.values()), every, draws)
     return MotionEvidence(
         evidence=evidence,
         problem=problem,
