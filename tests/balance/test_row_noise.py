@@ -58,5 +58,5 @@ def test_plain_dry_friction_that_sticks_at_reversals_is_no_mismatch(tmp_path: Pa
     runs = {"slow": triangle(20.0, 8.0), "reversals": triangle(3.0, 1.5), "sweep": sweep(30.0, 0.1, 3.0, 40.0)}
     case = case_of(read_machine(write_records(tmp_path, drive, runs, np.random.default_rng(11))), tmp_path)
     recorded, _ = read_recordings(case)
-    assert any("sticks" in finding.message for finding in recorded.findings)
+    assert any("may stick" in finding.message for finding in recorded.findings)
     assert not search_record(case, recorded, np.random.default_rng(1)).mismatch.found

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.serial import fit_noise
-from pmg.pipeline.fit.span import orthonormal, taken_out
+from pmg.pipeline.diagnosis.balance.serial import autoregression, fit_noise, most_lags
+from pmg.pipeline.fit.span import freed, taken_out
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -33,13 +34,19 @@ neighbours."""
 LEAST_KNOWN = 1.0
 """Frequencies by which the power of any band is known at least: a spectrum is smooth, so neighbours tell it too."""
 
-TURNS, LEAST_SHARED = 3, 0.5
+TURNS, LEAST_SHARED = 4, 0.5
 """Times that the noise which all rows share is found anew beside that of single ones, and its least size, over the
 median of theirs."""
 
 SPREAD = (1.5, 3.0, 10.0)
 """Standard deviations of a row, over that which all share, between which rows are of one kind: what a row has of its
 own is an upper bound, so that those with much of it hold less than they are divided by."""
+
+ALIKE = 6.0
+"""Frequencies for which a band counts in the power of the one below it, of which structure may leave few."""
+
+DRAWN, STEPS, SEED, FINE = 16, 200, 5, 4096
+"""Draws of noise in each band, steps of the iteration, seed of the draws, and rows of a fine spectrum."""
 
 SILENT = 1e-12
 """Least power of a band [of noise of unit variance]: a record without noise has none."""
@@ -76,10 +83,14 @@ class Bands:
         taken = np.sum(np.abs(np.fft.rfft(basis, axis=0)) ** 2, axis=1) / rows
         return cls(rows, bounds, np.add.reduceat(np.maximum(1.0 - taken, 0.0), bounds[:-1]))
 
+    def sums(self, left: Array) -> Array:
+        """Power of rows (n,) or (n, d) over all frequencies of each band (b,) or (b, d)."""
+        square = np.abs(np.fft.rfft(left, axis=0)) ** 2 / self.rows
+        return np.asarray(np.add.reduceat(square, self.edges[:-1], axis=0))
+
     def power(self, left: Array) -> Array:
         """Power of each band (b,), what was projected out with the columns made up for."""
-        square = np.abs(np.fft.rfft(left)) ** 2 / self.rows
-        power = np.add.reduceat(square, self.edges[:-1]) / np.maximum(self.free, SILENT)
+        power = self.sums(left) / np.maximum(self.free, SILENT)
         known = self.free > FREE * np.diff(self.edges)
         if known.any():
             level = np.log(np.maximum(power, SILENT))
@@ -116,18 +127,22 @@ class NoiseModel:
         Of the whitened rows.
     power : (b,) array
         Power that the whitened noise has in each band; one where the autoregression is right.
-    size : (n - p,) array
-        Standard deviation that it has in each row; one in those without much noise of their own.
+    own : (n,) array
+        Standard deviation that each row has beside the noise of all [N]; empty where none has any.
     """
 
     noise: SerialNoise
     bands: Bands
     power: Array
-    size: Array
+    own: Array
 
     def whitened_draws(self, draws: int, rng: np.random.Generator) -> Array:
         """Whitened synthetic noise (n - p, draws)."""
-        return self.noise.without_joins(self.size[:, None] * self.bands.draw(self.power, draws, rng))
+        drawn = self.bands.draw(self.power, draws, rng)
+        if not len(self.own):
+            return self.noise.without_joins(drawn)
+        of_own = self.own[:, None] * rng.standard_normal((len(self.own), draws))
+        return self.noise.whitened(drawn) + self.noise.whiten(of_own)
 
 
 def noise_of(residual: Array, structured: Array, starts: tuple[int, ...] = (), own: Array | None = None) -> NoiseModel:
@@ -151,7 +166,14 @@ def noise_of(residual: Array, structured: Array, starts: tuple[int, ...] = (), o
     nothing of it, so the spectrum of the whitened rows is averaged over bands, each over the frequencies that are
     free. Synthetic noise has that spectrum; the scale of the autoregression is set by the median of its bands. Rows
     with noise of their own are divided by what that makes of theirs, which calls for the noise of the others: it is
-    found in turns.
+    found in turns. Structure then lies in the few rows without, and takes much of their slow noise along, and what
+    follows a row with much is whitened by nothing: what each band would leave in the rows without is drawn, and the
+    autoregression follows the spectrum that leaves what is seen.
+
+    References
+    ----------
+    W. H. Richardson, 'Bayesian-based iterative method of image restoration', Journal of the Optical Society of America
+    62 (1), 1972, doi:10.1364/JOSA.62.000055.
     """
     rows = np.c_[structured, residual]
     noise = _fitted(rows, starts)
@@ -160,13 +182,13 @@ def noise_of(residual: Array, structured: Array, starts: tuple[int, ...] = (), o
     found = _in_bands(noise, rows)
     if own is None or not own.any():
         return found
-    least, level = LEAST_SHARED * float(np.median(own)), found.noise.sigma / noise.sigma
-    for _ in range(TURNS):
-        spread = np.hypot(1.0, own / max(level * noise.standard_deviation, least))
-        even = rows / spread[:, None]
-        noise = _fitted_anew(noise, even)
-    found = _in_bands(noise, even, spread)
-    return replace(found, noise=replace(found.noise, spread=spread))
+    least, noise = LEAST_SHARED * float(np.median(own)), found.noise
+    for turn in range(TURNS):
+        spread = np.hypot(1.0, own / max(noise.standard_deviation, least))
+        fitted = _following(noise, found) if turn else _fitted_anew(noise, rows / spread[:, None])
+        noise = replace(fitted, spread=spread)
+        found = _in_gaps(noise, rows)
+    return replace(found, own=own * _parts_of_own(found, rows, own))
 
 
 def _fitted(rows: Array, starts: tuple[int, ...]) -> SerialNoise:
@@ -182,19 +204,76 @@ def _fitted_anew(noise: SerialNoise, rows: Array) -> SerialNoise:
     return fit_noise(noise.coloured(left), spent=rank, starts=noise.starts)
 
 
-def _in_bands(noise: SerialNoise, rows: Array, spread: Array | None = None) -> NoiseModel:
-    """How much of it each band of the whitened rows (n - p, k + 1) holds; its size by the rows that tell it."""
+def _in_bands(noise: SerialNoise, rows: Array) -> NoiseModel:
+    """How much of it each band of the whitened rows (n - p, k + 1) holds."""
+    basis, left = _whitened(noise, rows)
+    bands = Bands.of(basis)
+    return _levelled(noise, bands, bands.power(left))
+
+
+def _in_gaps(noise: SerialNoise, rows: Array) -> NoiseModel:
+    """The same by the rows without noise of their own: by what each band would leave there of what is seen."""
+    basis, left = _whitened(noise, rows)
+    bands, plain = Bands.of(basis), noise.spread[noise.lags :, None] < SPREAD[0]
+    spectrum = np.fft.rfft(np.random.default_rng(SEED).standard_normal((bands.rows, DRAWN)), axis=0)
+    leaves = np.zeros((len(bands.free), len(bands.free)))
+    for k, (first, last) in enumerate(itertools.pairwise(bands.edges.tolist())):
+        part = np.zeros_like(spectrum)
+        part[first:last] = spectrum[first:last]
+        shown = noise.whitened(np.fft.irfft(part, bands.rows, axis=0))
+        leaves[:, k] = bands.sums(plain * (shown - basis @ (basis.T @ shown))).mean(axis=1)
+    power = _power_that_leaves(bands.sums(plain[:, 0] * left), leaves)
+    free = leaves.sum(axis=0) / max(float(plain.mean()), SILENT)
+    for k in range(len(power) - 2, -1, -1):
+        power[k] = (free[k] * power[k] + ALIKE * power[k + 1]) / (free[k] + ALIKE)
+    return _levelled(noise, replace(bands, free=free + ALIKE), np.maximum(power, SILENT))
+
+
+def _whitened(noise: SerialNoise, rows: Array) -> tuple[Array, Array]:
+    """Orthonormal basis of whitened structure (n - p, k), and what it leaves of the whitened residual (n - p,)."""
     white = noise.whiten(rows)
-    basis, last = orthonormal(white[:, :-1]), white[:, -1]
-    bands, left = Bands.of(basis), last - basis @ (basis.T @ last)
-    power = bands.power(left)
-    size = _sizes(left, np.ones(len(left)) if spread is None else spread[noise.lags :])
-    level = float(np.median(power)) / float(np.mean(size**2))
-    return NoiseModel(replace(noise, sigma=noise.sigma * math.sqrt(level)), bands, power / np.median(power), size)
+    return freed(white[:, :-1], white[:, -1])
 
 
-def _sizes(left: Array, spread: Array) -> Array:
-    """Size of the whitened noise in rows (m,) of about as much of their own, over that in rows of little."""
-    classes = np.digitize(spread, SPREAD)
-    square = [float(np.mean(left[classes == k] ** 2)) if (classes == k).any() else 1.0 for k in range(len(SPREAD) + 1)]
-    return np.asarray(np.sqrt(np.array(square) / max(square[0], SILENT))[classes])
+def _levelled(noise: SerialNoise, bands: Bands, power: Array) -> NoiseModel:
+    """A noise whose median band has a power of one."""
+    level = float(np.median(power))
+    return NoiseModel(replace(noise, sigma=noise.sigma * math.sqrt(level)), bands, power / level, np.zeros(0))
+
+
+def _power_that_leaves(seen: Array, leaves: Array) -> Array:
+    """Power of each band (b,) of which `leaves` (b, b) makes what is seen (b,), by Richardson's iteration."""
+    whole = np.maximum(leaves.sum(axis=0), SILENT)
+    power = np.full(len(seen), max(float(seen.sum() / whole.sum()), SILENT))
+    for _ in range(STEPS):
+        power = power * (leaves.T @ (seen / np.maximum(leaves @ power, SILENT))) / whole
+    return power
+
+
+def _following(noise: SerialNoise, found: NoiseModel) -> SerialNoise:
+    """The autoregression whose spectrum is that of the noise as found, which another one whitened for its bands."""
+    frequency = np.fft.rfftfreq(FINE)
+    power = np.exp(np.interp(frequency, found.bands.centres, np.log(found.power)))
+    response = np.fft.rfft(np.r_[1.0, -noise.coefficients], FINE)
+    covariance = np.fft.irfft(found.noise.sigma**2 * power / np.abs(response) ** 2, FINE)
+    plain = int(np.sum(noise.spread < SPREAD[0]))
+    most = most_lags(plain)
+    coefficients, variance = autoregression(covariance[: most + 1], plain, range(most + 1))
+    return replace(noise, coefficients=coefficients, sigma=math.sqrt(variance))
+
+
+def _parts_of_own(found: NoiseModel, rows: Array, own: Array) -> Array:
+    """What rows (n,) have of their own as part of the bound on it: by how much those of about as much scatter more."""
+    basis, left = _whitened(found.noise, rows)
+    rng, spread = np.random.default_rng(SEED), found.noise.spread
+    shared = found.noise.whitened(found.bands.draw(found.power, DRAWN, rng))
+    of_own = found.noise.whiten(own[:, None] * rng.standard_normal((len(own), DRAWN)))
+    seen = (each - basis @ (basis.T @ each) for each in (left[:, None], shared, of_own))
+    squares = [np.mean(each**2, axis=1) for each in seen]
+    classes, part = np.digitize(spread, SPREAD), np.zeros(len(spread))
+    for k in range(1, len(SPREAD) + 1):
+        alike = classes[found.noise.lags :] == k
+        if alike.any():
+            all_of_it, of_all, alone = (float(square[alike].mean()) for square in squares)
+            part[classes == k] = math.sqrt(max(all_of_it - of_all, 0.0) / max(alone, SILENT))
+    return part

@@ -14,6 +14,8 @@ from pmg.pipeline.fit.span import lengths
 from pmg.sim.sources import Source
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from pmg.sim.signals import Array
 
 MOST_LAGS = 24
@@ -99,6 +101,14 @@ class SerialNoise:
         parts = np.split(innovations, self.starts)
         return np.concatenate([lfilter([self.sigma], np.r_[1.0, -self.coefficients], part, axis=0) for part in parts])
 
+    def whitened(self, news: Array) -> Array:
+        """Whitened rows (n - p, c) of noise in whose last n - p samples this is new (n - p, c), in units of `sigma`.
+
+        It is the same as long as the spread of the rows is: what follows rows of much noise is not known from them.
+        """
+        begun = np.vstack([np.zeros((self.lags, news.shape[1])), news])
+        return self.whiten(lfilter([self.sigma], np.r_[1.0, -self.coefficients], begun, axis=0))
+
     def new_in(self, residual: Array) -> Array:
         """What is new in the samples of a residual (m,), where the past of all lags is known."""
         news = lfilter(np.r_[1.0, -self.coefficients], [1.0], residual)
@@ -142,27 +152,44 @@ def fit_noise(residual: Array, lags: int | None = None, spent: int = 0, starts: 
         Samples with which further recordings begin.
     """
     n = len(residual)
-    most = min(MOST_LAGS, max(2, n // SAMPLES_PER_LAG)) if lags is None else lags
+    most = most_lags(n) if lags is None else lags
     covariance = np.array([float(residual[: n - k] @ residual[k:]) / n for k in range(most + 1)])
     if covariance[0] <= 0.0:
         return SerialNoise(np.zeros(0), 1e-12, np.zeros(n), starts)
-    covariance[0] *= 1.0 + FLOOR
-    best: tuple[float, Array] | None = None
-    for order in range(most + 1) if lags is None else (most,):
-        a = np.zeros(0)
-        if order:
-            a = np.linalg.solve(toeplitz(covariance[:order]), covariance[1 : order + 1])
-        variance = max(float(covariance[0] - a @ covariance[1 : order + 1]), 1e-300)
-        score = n * math.log(variance) + order * math.log(n)
-        if best is None or score < best[0]:
-            best = score, a
-    assert best is not None
-    coefficients = best[1]
+    coefficients, _ = autoregression(covariance, n, range(most + 1) if lags is None else (most,))
     found = SerialNoise(coefficients, 1.0, np.zeros(0), starts)
     news = found.new_in(residual)
     sigma = math.sqrt(float(news @ news) / max(len(news) - spent - len(coefficients), 1))
     spread = float(np.std(news))
     return replace(found, sigma=sigma, news=(news - news.mean()) / spread if spread > 0.0 else news)
+
+
+def most_lags(rows: int) -> int:
+    """Longest memory that so many rows tell."""
+    return min(MOST_LAGS, max(2, rows // SAMPLES_PER_LAG))
+
+
+def autoregression(covariance: Array, rows: int, orders: Iterable[int]) -> tuple[Array, float]:
+    """Coefficients (p,) that Yule and Walker's equations have, and the variance of what is new in each sample.
+
+    Parameters
+    ----------
+    covariance : (m,) array
+        Autocovariance at lags 0, 1, and so on.
+    rows : int
+        Rows that tell it: of several orders the one that Schwarz's criterion chooses for them.
+    orders : iterable of int
+        Orders to choose from, each below m.
+    """
+    floored = covariance.copy()
+    floored[0] *= 1.0 + FLOOR
+    found = []
+    for order in orders:
+        a = np.linalg.solve(toeplitz(floored[:order]), floored[1 : order + 1]) if order else np.zeros(0)
+        variance = max(float(floored[0] - a @ floored[1 : order + 1]), 1e-300)
+        found.append((rows * math.log(variance) + order * math.log(rows), order, a, variance))
+    _, _, coefficients, variance = min(found, key=lambda each: each[:2])
+    return np.asarray(coefficients), variance
 
 
 def covariance_of(design: Array, left: Array, values: Array, blocks: int, instruments: Array | None = None) -> Array:

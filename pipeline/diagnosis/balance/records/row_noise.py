@@ -13,7 +13,7 @@ from scipy.signal import fftconvolve
 from pmg.pipeline.diagnosis.balance.library.term import STEPS
 from pmg.pipeline.diagnosis.balance.records.reversals import BEYOND, SOONER, beyond_low_pass
 from pmg.pipeline.diagnosis.balance.records.smoothing import kept
-from pmg.pipeline.diagnosis.balance.records.standing import DWELL, rests
+from pmg.pipeline.diagnosis.balance.records.standing import rests, stays
 from pmg.pipeline.motion.angle_noise import STILL, without_small_waves
 from pmg.pipeline.recording.findings import Code, Findings
 
@@ -151,8 +151,7 @@ def _held(motion: Motion, inertia: float, smoother: Smoother) -> tuple[Array, Ar
         begin = int(motion.first[first])
         end = next((start for start in motion.starts if start > first), len(stuck))
         before, after = slice(max(first - beside, begin), first), slice(last, min(last + beside, end))
-        stands = (last - first) * motion.sample_time >= DWELL
-        if stands or before.start == before.stop or after.start == after.stop:
+        if stays(motion, first, last) or before.start == before.stop or after.start == after.stop:
             continue
         turn = _Turn.between(motion, inertia, before, after, smoother)
         longer = round(turn.shifted / motion.sample_time) if turn.may_stick else 0
@@ -180,7 +179,7 @@ def with_row_noise(recorded: Recorded, inertia: float, smoother: Smoother) -> Re
     own = recorded.at_rows(np.hypot(held, steps))
     told = Findings(recorded.name)
     if count:
-        message = f"the machine sticks {count} times for less than {DWELL:g} s: the samples there count less"
+        message = f"the machine may stick {count} times, briefly or creeping: the samples there count less"
         told.info(Code.SAMPLES_GAP, "time", message, "Nothing to do: what holds it there may be of any size.")
     of_turns = {SOONER: sooner, BEYOND: beyond_low_pass(motion, smoother)}
     motion = replace(motion, besides={**motion.besides, **of_turns})

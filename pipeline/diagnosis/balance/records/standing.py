@@ -60,6 +60,12 @@ def rests(motion: Motion) -> Iterator[tuple[int, int]]:
     return ((first, last) for first, last in itertools.pairwise(edges) if slow[first])
 
 
+def stays(motion: Motion, first: int, last: int) -> bool:
+    """Whether a machine stands in a rest, and neither turns there nor creeps."""
+    long = (last - first) * motion.sample_time >= DWELL
+    return long and abs(float(motion.speed[first:last].mean())) < CREEPS * motion.rest_speed
+
+
 def moves(motion: Motion, spoilt: int) -> Mask:
     """Samples (n,) that tell of friction: those at which the machine does not stand; all where none would be left.
 
@@ -72,8 +78,7 @@ def moves(motion: Motion, spoilt: int) -> Mask:
     """
     found, recording = np.ones(len(motion.speed), dtype=np.bool_), motion.first
     for first, last in rests(motion):
-        long = (last - first) * motion.sample_time >= DWELL
-        if long and abs(float(motion.speed[first:last].mean())) < CREEPS * motion.rest_speed:
+        if stays(motion, first, last):
             near = slice(max(first - spoilt, 0), last + spoilt)
             found[near] &= recording[near] != recording[first]
     return found if found.any() else ~found
