@@ -214,13 +214,23 @@ def _delimiter(lines: list[str]) -> str:
 
 
 def _about_the_file(lines: list[str], delimiter: str) -> int:
-    """How many lines stand above the first one with as many cells as each row below it, if all have other cells."""
+    """How many lines stand above the names of the columns: the first line that has a cell for each of all rows below.
+
+    One above may have as many cells, if those are empty where the rows have something.
+    """
     for first in range(min(PREAMBLE, len(lines) - FEWEST_ROWS)):
         some = lines[first : first + 1 + LOOKED_AT]
         sign = _delimiter(some) if delimiter == "auto" else delimiter
-        counts = {len(cells_of(line, sign)) for line in some}
-        if len(counts) == 1 and counts != {1}:
-            return first if counts.isdisjoint(len(cells_of(line, sign)) for line in lines[:first]) else 0
+        rows = [cells_of(line, sign) for line in some]
+        if len({len(row) for row in rows}) > 1 or len(rows[0]) == 1:
+            continue
+        held = [k for k in range(len(rows[0])) if any(row[k].strip() for row in rows[1:])]
+
+        def names_all(cells: list[str], held: list[int] = held, count: int = len(rows[0])) -> bool:
+            return len(cells) == count and all(cells[k].strip() for k in held)
+
+        if names_all(rows[0]):
+            return 0 if any(names_all(cells_of(line, sign)) for line in lines[:first]) else first
     return 0
 
 

@@ -141,7 +141,8 @@ def optional(library: str, extra: str, licence: str, path: Path) -> ModuleType:
     """
     if find_spec(library) is None:
         came = f"the library that reads this format, '{library}', is not installed"
-        do = f"Install it: pip install 'pmg-bench[{extra}]'. Its licence: {licence}."
+        install = f"{sys.executable} -m pip install {library}"
+        do = f"Install it: {install} (the extra pmg-bench[{extra}]). Its licence: {licence}."
         raise RecordingError(str(path), came, "a format that can be read", do)
     return import_module(library)
 

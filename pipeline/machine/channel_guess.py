@@ -32,7 +32,7 @@ END_WORDS = (
     {"input": "an", "output": "ab"},
 )
 """Words of names that say which, the more certain ones first."""
-PUSH_WORDS = ("force", "kraft")
+PUSH_WORDS = ("force", "kraft", "F")
 """Words of a force, beside those of a torque."""
 KINDS = {"angle": "position", "speed": "velocity", "torque": "force"}
 """Kinds of channels of a shaft by those of signals; a force or a torque drives it."""

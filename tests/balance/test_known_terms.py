@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.balance import wheel
+from tests.balance import gearbox, wheel
 from tests.slow import slow
 
 from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
@@ -206,3 +206,35 @@ def test_a_file_that_the_report_would_write_over_is_kept(tmp_path: Path) -> None
     with pytest.raises(BenchError, match="holds the machine file"):
         run_machine(str(file), folder, tmp_path)
     assert file.read_text(encoding="utf-8") == MACHINE
+
+
+@pytest.mark.parametrize(
+    ("term", "g", "with_fault"),
+    [
+        ("input_torque_gain", 0.05, gearbox.with_motor),
+        ("output_torque_gain", 1.0 - 1.0 / 1.05, gearbox.with_brake),
+    ],
+)
+def test_a_known_gain_is_that_of_its_channel(
+    tmp_path: Path, term: str, g: float, with_fault: Callable[..., gearbox.Readings]
+) -> None:
+    """Of either transducer, after a test with weights: divided by it, so that losses are right."""
+    sound = gearbox.make_records(tmp_path / "sound", seconds=24.0, names=("first.csv",))
+    off = gearbox.make_records(
+        tmp_path / "off",
+        fault=lambda r: with_fault(r, lambda torque: 1.05 * torque),
+        seconds=24.0,
+        names=("first.csv",),
+    )
+    text = gearbox.SHIPPED.read_text().replace('withheld = ["withheld*"]', "")
+    (tmp_path / "machine.toml").write_text(text)
+    row = f'[[model.known]]\nterm = "{term}"\nparameter = "g"\nvalue = {g!r}\nunit = "1"\n'
+    (tmp_path / "known.toml").write_text(f"{text}\n{row}")
+    expected, _ = read_recordings(case_of(read_machine(tmp_path / "machine.toml"), sound))
+    case = case_of(read_machine(tmp_path / "known.toml"), off)
+    found, _ = read_recordings(case)
+    np.testing.assert_allclose(found.force, expected.force, atol=2e-3 * float(np.abs(expected.force).max()))
+    assert any("shows 1.05 times its torque" in each.message for each in case.findings)
+    (tmp_path / "none.toml").write_text(f"{text}\n{row.replace(repr(g), '-1.0' if g == 0.05 else '1.0')}")
+    with pytest.raises(BenchError, match="a transducer that shows some of its torque"):
+        case_of(read_machine(tmp_path / "none.toml"), off)

@@ -97,13 +97,15 @@ def test_the_header_may_stand_below_other_lines() -> None:
 
 
 ABOUT = b"Bench;Axis X1\nDate;12.03.2026;;;\n\nOperator: none\n"
+PADDED = b"Bench;;\nDate;12.03.2026;\n;;\n# Operator: none\n;;a word\n"
 
 
+@pytest.mark.parametrize("about", [ABOUT, PADDED])
 @pytest.mark.parametrize("units", [b"", b"[s];[mm];[N]\n"])
-def test_lines_about_the_file_with_other_cells_than_the_table_are_passed_over(units: bytes) -> None:
+def test_lines_about_the_file_with_other_cells_than_the_table_are_passed_over(units: bytes, about: bytes) -> None:
     rows = b"".join(b"0,%03d;1,5;-%d,25\n" % (k, k) for k in range(30))
     head = b"t;x;F\n" if units else b"t [s];x [mm];F [N]\n"
-    source = source_of(ABOUT + head + units + rows)
+    source = source_of(about + head + units + rows)
     assert [channel.name for channel in source.channels] == ["t", "x", "F"]
     assert [channel.unit for channel in source.channels] == ["s", "mm", "N"]
     assert values(source, "F")[:3] == [-0.25, -1.25, -2.25]

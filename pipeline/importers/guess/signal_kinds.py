@@ -44,7 +44,7 @@ SIDE_WORDS: tuple[Mapping[str, str], ...] = (
 LONE_UNITS = {
     "s": f"{KIND_WORDS['time']} t",
     "A": f"{KIND_WORDS['current']} i I iq id",
-    "N": "force kraft",
+    "N": "force kraft F",
     "V": "voltage spannung command",
     "m": "position pos weg travel stroke hub x",
     "C": f"{KIND_WORDS['temperature']} T θ",

@@ -16,6 +16,7 @@ from pmg.pipeline.files.strict_tables import RefusalError
 from pmg.pipeline.importers.open_source import FORMATS
 from pmg.pipeline.machine.axis import LINEAR
 from pmg.pipeline.machine.channel import TIMES, in_si
+from pmg.pipeline.recording.findings import Code, Findings
 from pmg.pipeline.report.write import LISTING
 from pmg.pipeline.wording.units import TEMPERATURE_UNITS
 from pmg.sim.errors import BenchError, RecordingError, near_miss
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 
 BASELINE = ("inertia", "viscous", "coulomb")
 """Terms that are taken for granted where a machine file says nothing else."""
+
+OF_GAIN = {"input_torque_gain": "force", "output_torque_gain": f"{OUTPUT}force"}
+"""Channel of each transducer by the term that is its gain."""
 
 
 def case_of(machine: Machine, records: Path) -> Case:
@@ -102,7 +106,28 @@ def case_of(machine: Machine, records: Path) -> Case:
         second=second if two else None,
         zero=zero,
     )
+    case = _with_gains(case, machine)
     return with_zero(case, machine.file) if zero else case
+
+
+def _with_gains(case: Case, machine: Machine) -> Case:
+    """A case whose torques are those of its shafts where the gain of a transducer is known, so that losses are, too."""
+    channels, told = dict(case.channels), Findings(machine.path.name)
+    for each in case.known:
+        if (kind := OF_GAIN.get(each.term.identifier)) is None:
+            continue
+        (g,) = each.amplitudes.tolist()
+        shown = 1.0 + g if kind == "force" else 1.0 - g  # over the torque, and torque over what is shown
+        if shown <= 0.0:
+            came, do = f"g = {g:g} of {each.term.key}", "Correct it, or set the sign of the channel."
+            raise machine.file.refusal(came, "a transducer that shows some of its torque", do, "model", "known")
+        channel, unit = channels[kind]
+        channels[kind] = channel, unit / shown if kind == "force" else unit * shown
+        factor = shown if kind == "force" else 1.0 / shown
+        message = f"shows {factor:.5g} times its torque, as [model] known says: divided by that"
+        told.info(Code.CHANNEL_VALUE, channel.name, message, "Nothing to do.")
+    known = tuple(each for each in case.known if each.term.identifier not in OF_GAIN)
+    return replace(case, channels=channels, known=known, findings=(*case.findings, *told.listed()))
 
 
 def _measured(machine: Machine) -> MachineShaft:
