@@ -14,10 +14,11 @@ from tests.balance.gearbox import Geared, Readings, plain, with_brake, with_moto
 from tests.slow import slow
 from typer.testing import CliRunner, Result
 
+from pmg.pipeline.chapters.explained.machine import machine_sections, readings_section
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.machines.machine import check_machine
 from pmg.pipeline.commands.machines.terms import run_machine
-from pmg.pipeline.diagnosis.balance.causes import named_causes
+from pmg.pipeline.diagnosis.balance.causes import NamedCause, named_causes
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline
 from pmg.pipeline.diagnosis.balance.machine.found_and_stated import not_compared
@@ -30,6 +31,8 @@ from pmg.pipeline.machine.channel import Channel, in_si
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.machine.shipped import shipped
 from pmg.pipeline.machine.show import shown_machine
+from pmg.pipeline.recording.remark import Remark
+from pmg.pipeline.report.document import Table, Text
 from pmg.sim.errors import PmgError
 
 if TYPE_CHECKING:
@@ -144,6 +147,22 @@ def test_an_efficiency_above_one_is_shown_and_flagged(tmp_path: Path) -> None:
     odd = [p for p in points if p.above_one]
     assert odd
     assert max(p.efficiency for p in odd) > 1.1
+    faults = ("input_torque_gain", "output_torque_gain", "load_friction")
+    causes = tuple(NamedCause(each, each, k, "g = 1", "", 1.0, "", sure=False) for k, each in enumerate(faults))
+    (section,) = machine_sections(machine, points, (), causes)
+    (text,) = (item.body for item in section.items if isinstance(item, Text))
+    assert text.endswith("says: input_torque_gain, g = 1; or output_torque_gain, g = 1. Losses are off by that.")
+    assert "though the verdict says" not in str(machine_sections(machine, points, (), causes[2:]))
+
+
+def test_what_was_said_of_the_recordings_as_they_were_read_stands_on_the_page() -> None:
+    """Once each, but for the warnings, which stand on top."""
+    noted, warned = Remark("info", "run.mf4", "samples are even"), Remark("warning", "run.mf4", "clipped")
+    (section,) = readings_section((noted, warned, noted))
+    (table,) = section.items
+    assert isinstance(table, Table)
+    assert table.rows == (("run.mf4", "samples are even"),)
+    assert readings_section((warned,)) == ()
 
 
 def test_a_ratio_that_the_speeds_contradict_and_a_sign_are_told(tmp_path: Path) -> None:

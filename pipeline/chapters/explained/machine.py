@@ -7,23 +7,47 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.recording.findings import Severity
 from pmg.pipeline.report.document import Cell, Chart, Column, Figure, Measured, Section, Series, Table, Text
+from pmg.pipeline.wording.plurals import uncapitalised
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pmg.pipeline.diagnosis.balance.causes import NamedCause
     from pmg.pipeline.diagnosis.balance.machine.found_and_stated import FoundAndStated
     from pmg.pipeline.diagnosis.balance.machine.power import SteadyPoint
     from pmg.pipeline.machine.machine import Machine
+    from pmg.pipeline.recording.remark import Remark
+
+OF_READING = frozenset(("input_torque_gain", "output_torque_gain", "constant_offset"))
+"""Terms that make the losses other than both torques as they were read say."""
 
 MOST_CURVES = 8
 """Speeds or loads of which a figure draws a curve."""
 
 
 def machine_sections(
-    machine: Machine, points: tuple[SteadyPoint, ...], compared: tuple[FoundAndStated, ...]
+    machine: Machine,
+    points: tuple[SteadyPoint, ...],
+    compared: tuple[FoundAndStated, ...],
+    causes: tuple[NamedCause, ...] = (),
 ) -> tuple[Section, ...]:
     """Losses of a machine with two torques, and the numbers of its file beside those that were found."""
-    return (*_power(machine, points), *_stated(compared))
+    return (*_power(machine, points, causes), *_stated(compared))
+
+
+def readings_section(remarks: Sequence[Remark]) -> tuple[Section, ...]:
+    """What was said of the recordings as they were read, but for what stands as a warning on top; none without any."""
+    rows = tuple(dict.fromkeys((each.place, each.message) for each in remarks if each.severity != Severity.WARNING))
+    if not rows:
+        return ()
+    columns = (Column("place", "Where"), Column("message", "What"))
+    table = Table(
+        "readings", "As they were read", "Clocks, channels, and what takes no part in the fit.", columns, rows
+    )
+    return (Section("readings-section", "How the recordings were read", (table,)),)
 
 
 def _stated(compared: tuple[FoundAndStated, ...]) -> tuple[Section, ...]:
@@ -59,7 +83,7 @@ def _stated(compared: tuple[FoundAndStated, ...]) -> tuple[Section, ...]:
     return (Section("machine-stated-section", "The machine as stated and as found", (table,)),)
 
 
-def _power(machine: Machine, points: tuple[SteadyPoint, ...]) -> tuple[Section, ...]:
+def _power(machine: Machine, points: tuple[SteadyPoint, ...], causes: tuple[NamedCause, ...]) -> tuple[Section, ...]:
     if machine.gear is None or not points:
         return ()
     one, other = machine.gear.input, machine.gear.output
@@ -101,6 +125,9 @@ def _power(machine: Machine, points: tuple[SteadyPoint, ...]) -> tuple[Section, 
         text += f" At {len(odd)} of them the efficiency lies above 1: an instrument, a sign or the ratio is wrong."
     if all("transducer.tolerance" not in end.numbers for end in machine.ends):
         text += " The machine file states no tolerance of a transducer: uncertainties are those by repetition alone."
+    if doubts := [cause for cause in causes if cause.identifier in OF_READING]:
+        faults = "; or ".join(f"{uncapitalised(c.title)}, {c.remark or c.size}" for c in doubts)
+        text += f" Torques are taken as they were read, though the verdict says: {faults}. Losses are off by that."
     return (
         Section("machine-power-section", "Losses and efficiency", (Text(text), _figure(points, one, other), table)),
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.causes import named_causes, near_causes
 from pmg.pipeline.diagnosis.balance.document import headline
-from pmg.pipeline.diagnosis.balance.errors_told import percent
+from pmg.pipeline.diagnosis.balance.errors_told import percent, where_it_sticks
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_sentence
 from pmg.pipeline.diagnosis.balance.parts import ONE_SHAFT, TWO_SHAFTS, part_of
 from pmg.pipeline.diagnosis.balance.titles import left_out_sentence, why_held_back
@@ -133,6 +133,8 @@ def _sureness(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[
     elif last is not first:
         drop = f"from {percent(first.error_fit)} to {percent(last.error_fit)}"
         yield f"The relative error goes {drop}; no recording was withheld to test it."
+    if told := where_it_sticks(d, last):
+        yield told
     if d.mismatch.found:
         yield f"p ≤ {d.mismatch.p_value:.2g}, from {counted(d.mismatch.draws, 'synthetic record')}."
     else:

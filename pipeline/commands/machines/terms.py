@@ -12,7 +12,7 @@ import numpy as np
 
 from pmg.pipeline.chapters.bench_parts import asked_of
 from pmg.pipeline.chapters.explained.balance import terms_sections
-from pmg.pipeline.chapters.explained.machine import machine_sections
+from pmg.pipeline.chapters.explained.machine import machine_sections, readings_section
 from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.compare_and_diagnose import SEED
@@ -140,7 +140,7 @@ def _run(
         points = () if case.ratio is None else steady_points(recorded, machine, _inertia(diagnosis))
         compared = found_and_stated(diagnosis, machine)
         document |= machine_document(machine, points, compared)
-        sections = machine_sections(machine, points, compared)
+        sections = machine_sections(machine, points, compared, causes)
     tables = {DOCUMENT: json.dumps(document, indent=1, allow_nan=False) + "\n", RESIDUALS: _residual_table(diagnosis)}
     if machine is not None and (text := with_cause(file.read_text(encoding="utf-8"), diagnosis)):
         tables[WITH_CAUSE] = text
@@ -150,7 +150,8 @@ def _run(
         write_atomic(out / name, text.encode())
     remarks = (*findings_of(recorded), *findings_of(withheld), *low_pass_remarks(diagnosis))
     cautions = tuple(Caution(f"{r.place}: {r.message}") for r in remarks if r.severity == Severity.WARNING)
-    page = _page(diagnosis, seed, digests, (sections, cautions), goes_on=WITH_CAUSE in tables)
+    own = (*sections, *readings_section(remarks))
+    page = _page(diagnosis, seed, digests, (own, cautions), goes_on=WITH_CAUSE in tables)
     written = (*write_report(page, out), *(out / name for name in tables))
     command = "pmg terms" if machine is None else "pmg run"
     leave_crate_of_files(out, command, tuple(files), written, began)

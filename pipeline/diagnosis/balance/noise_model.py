@@ -34,7 +34,7 @@ neighbours."""
 LEAST_KNOWN = 1.0
 """Frequencies by which the power of any band is known at least: a spectrum is smooth, so neighbours tell it too."""
 
-TURNS, LEAST_SHARED = 4, 0.5
+REFITS, LEAST_SHARED = 4, 0.5
 """Times that the noise which all rows share is found anew beside that of single ones, and its least size, over the
 median of theirs."""
 
@@ -183,7 +183,7 @@ def noise_of(residual: Array, structured: Array, starts: tuple[int, ...] = (), o
     if own is None or not own.any():
         return found
     least, noise = LEAST_SHARED * float(np.median(own)), found.noise
-    for turn in range(TURNS):
+    for turn in range(REFITS):
         spread = np.hypot(1.0, own / max(noise.standard_deviation, least))
         fitted = _following(noise, found) if turn else _fitted_anew(noise, rows / spread[:, None])
         noise = replace(fitted, spread=spread)
