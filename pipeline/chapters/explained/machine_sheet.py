@@ -178,7 +178,8 @@ def _costs(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[str
     wrong = (last.fitted.predict(d.recorded) - first.fitted.predict(d.recorded)) * speed
     carried = np.abs((d.recorded.force + d.recorded.known) * speed)
     rms, most = float(np.sqrt(np.mean(wrong**2))), float(np.abs(wrong).max())
-    yield f"A model without this is wrong by {rms:.2g} W rms, up to {most:.2g} W."
+    shown = [f"{float(f'{watts:.2g}'):g} W" for watts in (rms, most)]
+    yield f"A model without this is wrong by {shown[0]} rms, up to {shown[1]}."
     if carried.any():
         yield f"That is {rms / float(np.sqrt(np.mean(carried**2))):.1%} of the power in the balance."
 

@@ -254,6 +254,9 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
             if step.carried[1] < 0.0:
                 blocks += "  does not carry over to the withheld record"
             lines.append(f"{name:<44}{percent(step.error_fit):>9}{percent(step.error_withheld):>10}  {blocks}".rstrip())
+    own = (e for e in diagnosis.steps[-1].fitted.estimates if e.term in diagnosis.case.baseline)
+    if fitted := ", ".join(f"{e.term} {e.name} = {with_error(e)}" for e in own):
+        lines.append(f"fitted: {fitted}")
     for step in diagnosis.dropped:
         lines.append(f"dropped: {titled(step.fitted.fits[-1].candidate)}, {_why_dropped(diagnosis, step)}")
     lines.append("")
