@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.diagnosis.test_motion import _campaign, _with_torque
 
+from pmg.pipeline.chapters.in_motion.page import motion_report
 from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.separation import power_to_separate, squares_beyond
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
@@ -182,6 +183,11 @@ def test_where_no_run_tells_a_check_by_hand_is_the_next_test() -> None:
         assert test["description"].startswith("Ramp: up" if power > 0.5 else "By hand: load the ring shaft by a lever")
         assert test["separates"] == ["torque_crosstalk"]
         assert test["power"] == (power if power > 0.5 else None)
+        proposed = replace(found, next_runs=(run,))
+        page = motion_report(proposed, motion_document(proposed), (), (), note="", provenance=())
+        assert page.sheet is not None
+        (answer,) = (each for each in page.sheet.answers if each.question == "Next test")
+        assert answer.grounds == ("next-tests" if power > 0.5 else ""), "a link to runs that are listed"
 
 
 def test_runs_can_be_proposed_where_the_fit_knows_nothing_of_a_shaft(forward: MotionEvidence) -> None:

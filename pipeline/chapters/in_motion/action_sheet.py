@@ -102,7 +102,7 @@ def _answers(
         spots = (f"{spot.words}{SHAFT_WORDS[spot.term.shaft]}" for spot in diagnosis.unseen)
         yield SheetAnswer("Not visible", (f"These runs could not have shown: {'; '.join(spots)}.",))
     yield SheetAnswer("On the bench", (_action(diagnosis),))
-    yield SheetAnswer("Next test", (_next(diagnosis, effects, traces),), "next-tests" if diagnosis.next_runs else "")
+    yield SheetAnswer("Next test", (_next(diagnosis, effects, traces),), "next-tests" * bool(telling_runs(diagnosis)))
     yield SheetAnswer("In the model", (IN_THE_MODEL[diagnosis.verdict],))
     if costs := tuple(_costs(named, effects, traces)):
         first = ("If it is the first:",) if diagnosis.verdict is Verdict.AMBIGUOUS else ()
