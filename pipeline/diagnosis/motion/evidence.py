@@ -90,6 +90,8 @@ class MotionEvidence:
         What it was linearised about.
     columns : (m, k) array
         Of the constants of the baseline.
+    granted : (m, g) array
+        Of what any machine may have, which is free beside them.
     swinging : dict of str to (m, 1) array
         By shaft, what the torque of a mass on a spring follows beyond its inertia. It is not looked for in itself: the
         noise of an acceleration follows it, too.
@@ -114,6 +116,7 @@ class MotionEvidence:
     block: npt.NDArray[np.int64]
     baseline: MotionBaseline
     columns: Array
+    granted: Array
     swinging: dict[str, Array]
     y: Array
     scatter: float
@@ -188,12 +191,11 @@ def motion_evidence(
         of_part = [p.row_weights.T @ term.rows_on(view, shape) if term.acts(view) else None for p, view in acting]
         return unit[:, None] * stacked(of_part, len(term.amplitudes))
 
-    granted = [worked_out(term, term.granted) for term in terms if term.granted is not None]
-    beside = np.hstack([columns, *granted])
-    problem = TermProblem(*freed(beside, y), _remembered(worked_out, tables), tables, ABSORBED_BY_SHEET)
+    given = np.hstack([columns[:, :0], *(worked_out(t, t.granted) for t in terms if t.granted is not None)])
+    free = freed(np.hstack([columns, given]), y)
+    problem = TermProblem(*free, _remembered(worked_out, tables), tables, ABSORBED_BY_SHEET)
     draws = np.vstack([_null(parts, tuple(noise), rng), rng.standard_normal((len(known), DRAWS))])
-    every = (np.ones(len(y), dtype=np.bool_),)
-    evidence = Evidence(problem.left, problem.baseline, list(looked.values()), every, draws)
+    evidence = Evidence(problem.left, problem.baseline, list(looked.values()), (np.ones(len(y), np.bool_),), draws)
     return MotionEvidence(
         evidence=evidence,
         problem=problem,
@@ -202,6 +204,7 @@ def motion_evidence(
         block=block,
         baseline=baseline,
         columns=columns,
+        granted=given,
         swinging=swinging,
         y=y,
         scatter=scatter,

@@ -105,7 +105,7 @@ def _withheld(found: MotionEvidence, fits: tuple[TermFit, ...], folds: list[int]
     y = found.y + found.columns[:, wrong] @ (found.baseline.values - sheet.expected)[wrong]
     return WithheldRuns(
         y=y,
-        columns=np.delete(found.columns, wrong, axis=1),
+        columns=np.hstack([np.delete(found.columns, wrong, axis=1), found.granted]),
         constants=found.columns,
         of_sheet=found.of_sheet,
         held=(found.block >= len(found.baseline.stretches)) & ~found.of_sheet,
