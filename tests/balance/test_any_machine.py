@@ -419,7 +419,7 @@ def test_what_carries_over_is_not_said_not_to(
     assert errors_sentence(cast("Any", diagnosis), cast("Any", steps[0]), cast("Any", steps[-1])).endswith(end)
 
 
-@pytest.mark.parametrize(("stuck", "told"), [(2.0, "99.8 % of its square is of samples"), (0.005, "")])
+@pytest.mark.parametrize(("stuck", "told"), [(2.0, "Of the squared error 99.8 % is of samples"), (0.005, "")])
 def test_an_error_that_is_of_samples_where_the_machine_sticks_is_told_without_them(stuck: float, told: str) -> None:
     """One sample in a hundred may be held by a force of any size; in the others 1 % of the force is left."""
     own = np.where(np.arange(1000) % 100 == 0, 5.0, 0.0)
@@ -431,7 +431,7 @@ def test_an_error_that_is_of_samples_where_the_machine_sticks_is_told_without_th
     sentence = where_it_sticks(cast("Any", diagnosis), cast("Any", step))
     assert sentence.startswith(told)
     assert bool(sentence) == bool(told)
-    assert not told or sentence.endswith("in all others it is 1.00 % and 1.00 %.")
+    assert not told or sentence.endswith("the relative error is 1.00 %, and 1.00 % on the withheld record.")
 
 
 @pytest.mark.parametrize(("part", "told"), [(0.0306, "3.06 %"), (57109277.0, "more than 1000 %"), (float("nan"), "–")])

@@ -61,8 +61,9 @@ def where_it_sticks(diagnosis: TermsDiagnosis, last: ModelStep) -> str:
         others.append(percent(float(np.linalg.norm(left[moves]) / np.linalg.norm(whole[moves]))))
     if parts[0] < MOSTLY:
         return ""
-    most, where = f"{100.0 * parts[0]:.3g} % of its square", "samples where the machine sticks or turns"
-    return f"{most} is of {where}; in all others it is {' and '.join(others)}."
+    most, where = f"{100.0 * parts[0]:.3g} % is of samples", "where the machine sticks or turns"
+    withheld = f", and {others[1]} on the withheld record" if len(others) > 1 else ""
+    return f"Of the squared error {most} {where}; in all others the relative error is {others[0]}{withheld}."
 
 
 def _in_turn(words: list[str]) -> str:
