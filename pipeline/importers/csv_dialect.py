@@ -214,10 +214,7 @@ def _delimiter(lines: list[str]) -> str:
 
 
 def _about_the_file(lines: list[str], delimiter: str) -> int:
-    """How many lines stand above the names of the columns: the first line that has a cell for each of all rows below.
-
-    One above may have as many cells, if those are empty where the rows have something.
-    """
+    """Lines above the first one without a number that has a cell for each that the rows below it, of as many, have."""
     for first in range(min(PREAMBLE, len(lines) - FEWEST_ROWS)):
         some = lines[first : first + 1 + LOOKED_AT]
         sign = _delimiter(some) if delimiter == "auto" else delimiter
@@ -226,11 +223,13 @@ def _about_the_file(lines: list[str], delimiter: str) -> int:
             continue
         held = [k for k in range(len(rows[0])) if any(row[k].strip() for row in rows[1:])]
 
-        def names_all(cells: list[str], held: list[int] = held, count: int = len(rows[0])) -> bool:
+        def full(cells: list[str], held: list[int] = held, count: int = len(rows[0])) -> bool:
             return len(cells) == count and all(cells[k].strip() for k in held)
 
-        if names_all(rows[0]):
-            return 0 if any(names_all(cells_of(line, sign)) for line in lines[:first]) else first
+        if full(rows[0]):
+            above = ((k, cells_of(line, sign)) for k, line in enumerate(lines[:first]))
+            fallback = 0 if any(map(_is_number, rows[0])) else first
+            return next((k for k, cells in above if full(cells) and not any(map(_is_number, cells))), fallback)
     return 0
 
 
@@ -260,7 +259,8 @@ def _are_units(row: list[str], below: list[list[str]], columns: int) -> bool:
     return any(not below or any(len(cells) > n and _is_number(cells[n].strip()) for cells in below) for n in words)
 
 
-def _is_number(cell: str) -> bool:
+def _is_number(text: str) -> bool:
+    cell = text.strip()
     return bool(NUMBER.fullmatch(cell) or THOUSANDS.fullmatch(cell)) or cell.lower() in ("nan", "inf")
 
 

@@ -15,7 +15,7 @@ from pmg.pipeline.importers.guess.signal_kinds import (
 )
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
 from pmg.pipeline.machine.channel import COMMANDS, TIMES
-from pmg.pipeline.wording.units import declared
+from pmg.pipeline.wording.units import FREQUENCY, TIME, declared
 
 if TYPE_CHECKING:
     from pmg.pipeline.importers.guess.signal_look import SeenSignal
@@ -26,7 +26,7 @@ ENDS = ("input", "output")
 END_WORDS = (
     {
         "input": "input drive in antrieb eingang motor em primary inner sun sonne",
-        "output": "output load last out abtrieb ausgang brake bremse secondary outer ring hohlrad",
+        "output": "output load out abtrieb ausgang brake bremse secondary outer ring hohlrad",
     },
     {"input": "1", "output": "2"},
     {"input": "an", "output": "ab"},
@@ -36,8 +36,10 @@ PUSH_WORDS = ("force", "kraft", "F")
 """Words of a force, beside those of a torque."""
 KINDS = {"angle": "position", "speed": "velocity", "torque": "force"}
 """Kinds of channels of a shaft by those of signals; a force or a torque drives it."""
-RATE_WORDS, PERIOD_WORDS = {"fs", "rate", "samplerate", "abtastrate"}, {"dt", "ts", "abtastzeit"}
+RATE_WORDS, PERIOD_WORDS = {"fs", "samplerate", "abtastrate"}, {"dt", "ts", "abtastzeit"}
 """Words of a single value that is the sample rate [Hz], and of one that is the time of a sample [s]."""
+SINGLE_RATE = "a single value: the rate of the samples, or their time, by its name"
+"""Why a single value is taken for that."""
 BY_STEPS = "by its even steps alone; the unit is the one that gives a likely rate"
 """Why a column without a word is taken for a time, where no other is one."""
 LIKELY_RATES = 20.0, 2e5
@@ -108,11 +110,10 @@ def guess_channel(seen: SeenSignal) -> ChannelGuess:
     kind = _kind(unit, of_shafts if end and not unit and len(of_shafts) == 1 else named, words)
     if is_set_point(channel.name) and kind != "time":
         return ChannelGuess(seen, kind, end, unit, "a set-point by its name, and not measured", asked=True)
-    if seen.values == 1 and words & (RATE_WORDS | PERIOD_WORDS):
-        period = " of a sample" if words & PERIOD_WORDS else ""
-        return ChannelGuess(
-            seen, "rate", end, "s" if period else "Hz", f"the {'time' if period else 'rate'}{period}, by its name"
-        )
+    if seen.values == 1 and (words & (RATE_WORDS | PERIOD_WORDS) or words >= {"sample", "rate"}):
+        period = bool(words & PERIOD_WORDS)
+        known = TIME if period else FREQUENCY
+        return ChannelGuess(seen, "rate", end, unit if unit in known else "s" if period else "Hz", SINGLE_RATE)
     if not kind and not unit and seen.rising and seen.even and seen.step != 1.0 and (likely := _likely_time(seen)):
         return ChannelGuess(seen, "time", end, likely, BY_STEPS)
     if not kind:
@@ -140,7 +141,7 @@ def _kind(unit: str, named: tuple[str, ...], words: set[str]) -> str:
                 return kind
     if unit or len(named) > 1:
         return ""
-    if words & set(PUSH_WORDS):
+    if words & set(PUSH_WORDS) and not named:
         return "force"
     return KINDS.get(named[0], named[0]) if named and named[0] != "ticks" else ""
 

@@ -16,16 +16,18 @@ from pmg.pipeline.machine.channel_guess import (
     BY_STEPS,
     ENDS,
     KINDS,
+    LIKELY_RATES,
     ChannelGuess,
     fits_axis,
     guess_channel,
     of_axis,
     with_other_end,
 )
+from pmg.pipeline.wording.units import FREQUENCY, TIME
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from pmg.pipeline.importers.source import ForeignSource
     from pmg.pipeline.machine.axis import Axis
@@ -139,17 +141,25 @@ def guess_machine(source: ForeignSource) -> MachineGuess:
     return _with_shapes(guess) if two else guess
 
 
-def _rate(source: ForeignSource, time: Iterable[ChannelGuess], guessed: Iterable[ChannelGuess]) -> float | None:
-    """Sample rate by a time column, else as the file declares it, else by a single value that is called so [Hz]."""
-    for one in time:
-        if one.unit:
-            rate = 1.0 / (one.seen.step * TIMES[one.unit])
-            return float(round(rate) if abs(rate - round(rate)) <= WHOLE_RATE * rate else f"{rate:.9g}")
-    rates = {channel.rate_hz for channel in source.channels} - {None}
-    if not rates:
-        single = [one for one in guessed if one.kind == "rate" and one.seen.low > 0.0]
-        rates = {one.seen.low if one.unit == "Hz" else 1.0 / one.seen.low for one in single}
-    return rates.pop() if len(rates) == 1 else None
+def _rate(source: ForeignSource, time: Sequence[ChannelGuess], guessed: Iterable[ChannelGuess]) -> float | None:
+    """Sample rate [Hz] by a time column, else as the file declares it, by a single value, or by even steps."""
+    found = {1.0 / (one.seen.step * TIMES[one.unit]) for one in time[:1] if one.unit and one.reason != BY_STEPS}
+    found = found or {channel.rate_hz for channel in source.channels if channel.rate_hz is not None}
+    found = found or {rate for one in guessed if one.kind == "rate" and (rate := _single_rate(one)) is not None}
+    found = found or {1.0 / (one.seen.step * TIMES[one.unit]) for one in time[:1] if one.unit}
+    if len(found) != 1:
+        return None
+    (rate,) = found
+    return float(round(rate) if abs(rate - round(rate)) <= WHOLE_RATE * rate else f"{rate:.9g}")
+
+
+def _single_rate(one: ChannelGuess) -> float | None:
+    """Rate that a single value states [Hz]; None of one that no recorder has."""
+    value, (low, high) = one.seen.low, LIKELY_RATES
+    if not value > 0.0:
+        return None
+    rate = value * FREQUENCY[one.unit] if one.unit in FREQUENCY else 1.0 / (value * TIME[one.unit])
+    return rate if low <= rate <= high else None
 
 
 def _with_shapes(guess: MachineGuess) -> MachineGuess:

@@ -238,3 +238,19 @@ def test_a_known_gain_is_that_of_its_channel(
     (tmp_path / "none.toml").write_text(f"{text}\n{row.replace(repr(g), '-1.0' if g == 0.05 else '1.0')}")
     with pytest.raises(BenchError, match="a transducer that shows some of its torque"):
         case_of(read_machine(tmp_path / "none.toml"), off)
+
+
+def test_a_gain_that_changed_beside_one_that_is_known_goes_into_no_file(tmp_path: Path) -> None:
+    """It would stand there twice; the sheet says that the known one has changed."""
+    off = gearbox.make_records(
+        tmp_path / "off", fault=lambda r: gearbox.with_motor(r, lambda torque: 1.10 * torque), seconds=30.0
+    )
+    row = '[[model.known]]\nterm = "input_torque_gain"\nparameter = "g"\nvalue = 0.05\nunit = "1"\n'
+    machine = tmp_path / "known.toml"
+    machine.write_text(f"{gearbox.SHIPPED.read_text()}\n{row}")
+    case = case_of(read_machine(machine), off)
+    assert {each.term.key for each in case.stated} == {"input_torque_gain"}
+    found = diagnose_terms(case, *read_recordings(case), np.random.default_rng(1))
+    (cause,) = (each for each in named_causes(found) if each.identifier == "input_torque_gain")
+    assert "beyond what the machine file knows, g = 0.05" in cause.remark
+    assert with_cause(machine.read_text(), found) == ""

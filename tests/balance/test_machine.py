@@ -151,8 +151,8 @@ def test_an_efficiency_above_one_is_shown_and_flagged(tmp_path: Path) -> None:
     causes = tuple(NamedCause(each, each, k, "g = 1", "", 1.0, "", sure=False) for k, each in enumerate(faults))
     (section,) = machine_sections(machine, points, (), causes)
     (text,) = (item.body for item in section.items if isinstance(item, Text))
-    assert text.endswith("says: input_torque_gain, g = 1; or output_torque_gain, g = 1. Losses are off by that.")
-    assert "though the verdict says" not in str(machine_sections(machine, points, (), causes[2:]))
+    assert text.endswith("torques: input_torque_gain, g = 1; or output_torque_gain, g = 1. Losses are off by that.")
+    assert "The verdict is not taken out" not in str(machine_sections(machine, points, (), causes[2:]))
 
 
 def test_what_was_said_of_the_recordings_as_they_were_read_stands_on_the_page() -> None:

@@ -101,3 +101,21 @@ def test_noise_of_a_position_is_taken_out_of_an_acceleration_and_motion_is_not(r
     assert np.std(whole - moved) == pytest.approx(deviations[1], rel=0.1)
     assert np.std(whole - moved - noisy) < 0.25 * deviations[1]
     assert np.std(noisy - (whole - moved)) < 0.01 * np.std(moved)
+
+
+@pytest.mark.parametrize("part", [0.0, 0.5])
+def test_what_rows_have_of_their_own_is_told_as_part_of_its_bound(part: float) -> None:
+    structure = np.c_[np.ones(ROWS), _waves(1, 20)]
+    shares = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        own = _sticking(rng) / 5.0
+        force = _red(rng) + part * own * rng.standard_normal(ROWS)
+        found = noise_of(force, structure, own=own)
+        shares.append(float(found.own.max()) / float(own.max()))
+    assert float(np.mean(shares)) == pytest.approx(part, abs=0.12)
+
+
+def test_rows_all_of_which_have_noise_of_their_own_have_a_noise(rng: np.random.Generator) -> None:
+    found = noise_of(_red(rng), np.ones((ROWS, 1)), own=2.0 + 2.0 * np.abs(np.sin(np.arange(ROWS) / 40.0)))
+    assert np.isfinite(found.whitened_draws(3, rng)).all()

@@ -119,6 +119,24 @@ def test_a_row_of_other_cells_among_the_samples_makes_no_row_a_line_of_names() -
     assert [channel.name for channel in source.channels] == ["t", "x", "F"]
 
 
+@pytest.mark.parametrize(
+    ("head", "row", "names"),
+    [
+        (",t,x,F", "%d,0.1,0.2,0.3", ("", "t", "x", "F")),
+        (",time,x,F", "%d,14:03:00,0.2,0.3", ("", "time", "x", "F")),
+        ("time;;F", "0,%d;1,5;2,5", ("time", "", "F")),
+        ("F [N]", "1,%d", ("F",)),
+        ("t;x;F", "0,%d;1,5;2,5;", ("t", "x", "F")),
+        ("Bench X\nt;x;F", "0,%d;1,5;2,5", ("t", "x", "F")),
+    ],
+)
+def test_a_row_of_samples_is_never_taken_for_the_names(head: str, row: str, names: tuple[str, ...]) -> None:
+    text = "\n".join([head, *(row % k for k in range(1, 40))])
+    folder = Path(tempfile.mkdtemp())
+    (folder / "a.csv").write_text(text + "\n")
+    assert read_head(folder / "a.csv", AUTO).names == names
+
+
 def test_comments_and_empty_lines_between_samples_do_not_shift_the_lines() -> None:
     source = source_of(b"t;T\n1;2\n# paused\n\n3;4\n")
     assert (values(source, "T"), places(source, "T")) == ([2.0, 4.0], [2, 5])

@@ -188,9 +188,21 @@ def test_a_column_without_a_word_is_a_time_by_its_steps_and_a_single_value_a_rat
     savemat(tmp_path / "b.mat", {"n_rpm": wave(0.5), "M_Nm": wave(1.0), "fs": 400.0})
     table, text = proposed(tmp_path / "b.mat")
     assert table["records"]["rate_Hz"] == 400.0
-    assert '# "fs": the rate, by its name' in text
+    assert '# "fs": a single value: the rate of the samples' in text
     savemat(tmp_path / "c.mat", {"n_rpm": wave(0.5), "M_Nm": wave(1.0), "dt": 0.004})
     assert proposed(tmp_path / "c.mat")[0]["records"]["rate_Hz"] == pytest.approx(250.0)
+    savemat(tmp_path / "d.mat", {"n_rpm": wave(0.5), "M_Nm": wave(1.0), "dt_ms": 2.0, "flow_rate": 3.0})
+    assert proposed(tmp_path / "d.mat")[0]["records"]["rate_Hz"] == pytest.approx(500.0)
+    savemat(tmp_path / "e.mat", {"idx": 10.0 * np.arange(len(T)), "n_rpm": wave(0.5), "fs": 400.0})
+    assert proposed(tmp_path / "e.mat")[0]["records"]["rate_Hz"] == 400.0, "before what even steps may mean"
+
+
+@pytest.mark.parametrize("name", ["oil_pressure_bar", "ambient_humidity_pct", "last_speed", "Temp_F"])
+def test_words_that_tell_something_else_are_not_taken_for_a_temperature_or_a_force(tmp_path: Path, name: str) -> None:
+    table, _ = proposed(csv(tmp_path / "a.csv", {"t_s": T, "n_rpm": wave(0.5), "M_Nm": wave(1.0), name: 40.0 + T}))
+    assert set(table["shaft"]) == {"shaft"}
+    assert table["shaft"]["shaft"]["channel"]["torque"]["name"] == "M_Nm"
+    assert "temperature" not in table["records"]
 
 
 @pytest.mark.parametrize("zone", [None, "Europe/Berlin"])

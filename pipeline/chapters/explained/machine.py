@@ -40,7 +40,7 @@ def machine_sections(
 
 def readings_section(remarks: Sequence[Remark]) -> tuple[Section, ...]:
     """What was said of the recordings as they were read, but for what stands as a warning on top; none without any."""
-    rows = tuple(dict.fromkeys((each.place, each.message) for each in remarks if each.severity != Severity.WARNING))
+    rows = tuple(dict.fromkeys((each.place, each.message) for each in remarks if each.severity == Severity.INFO))
     if not rows:
         return ()
     columns = (Column("place", "Where"), Column("message", "What"))
@@ -126,8 +126,9 @@ def _power(machine: Machine, points: tuple[SteadyPoint, ...], causes: tuple[Name
     if all("transducer.tolerance" not in end.numbers for end in machine.ends):
         text += " The machine file states no tolerance of a transducer: uncertainties are those by repetition alone."
     if doubts := [cause for cause in causes if cause.identifier in OF_READING]:
-        faults = "; or ".join(f"{uncapitalised(c.title)}, {c.remark or c.size}" for c in doubts)
-        text += f" Torques are taken as they were read, though the verdict says: {faults}. Losses are off by that."
+        groups = [[c for c in doubts if c.group == k] for k in sorted({c.group for c in doubts})]
+        sets = (" and ".join(f"{uncapitalised(c.title)}, {c.remark or c.size}" for c in each) for each in groups)
+        text += f" The verdict is not taken out of these torques: {'; or '.join(sets)}. Losses are off by that."
     return (
         Section("machine-power-section", "Losses and efficiency", (Text(text), _figure(points, one, other), table)),
     )

@@ -103,7 +103,7 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
         written = "`machine-with-cause.toml` holds it with its size: go on with that file as `--machine`."
         kept = "Nothing until one of them is confirmed; `terms.json` holds the sizes."
         changed = "A known size has changed: take its rows out of `[[model.known]]`, and run again."
-        again = {cause.identifier for cause in causes} & {each.term.identifier for each in d.case.known}
+        again = {cause.identifier for cause in causes} & {each.term.identifier for each in d.case.stated}
         yield SheetAnswer("In the model", (kept if several else changed if again else written if goes_on else added,))
     if causes and last is not first:
         yield SheetAnswer("If ignored", tuple(_costs(d, first, last)))

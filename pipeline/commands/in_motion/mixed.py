@@ -129,12 +129,14 @@ class MixedDiagnosis:
     def _sizes(self) -> Iterator[str]:
         """Sizes that both kinds of recordings give the leading set together."""
         assert self.joint is not None
+        leading = self.joint.sets[0] if self.joint.sets else {}
         for row in self.document["mechanisms"]:
-            if row["id"] in self.joint.sizes and len(row["parameters"]) == 1:
+            both = row["id"] in self.joint.sizes and leading.get(row["id"]) == row["shaft"]
+            if both and len(row["parameters"]) == 1:
                 (of_both,) = row["parameters"]
                 factor, unit = displayed(of_both["unit"], share=row["id"] in INSTRUMENTS)
                 size = measured(factor * of_both["value"], factor * of_both["standard_error"])
-                yield f"Its size by both: {size}{unit}."
+                yield f"{titles()[row['id']]}, by both: {size}{unit}."
 
     def _told(self, steady: ActionSheet) -> tuple[tuple[SheetAnswer, ...], Figure | None]:
         """Answers about the leading cause, and their figure, of the kind that leads with it; runs in motion first."""

@@ -149,7 +149,7 @@ def _run(
     for name, text in tables.items():
         write_atomic(out / name, text.encode())
     remarks = (*findings_of(recorded), *findings_of(withheld), *low_pass_remarks(diagnosis))
-    cautions = tuple(Caution(f"{r.place}: {r.message}") for r in remarks if r.severity == Severity.WARNING)
+    cautions = tuple(Caution(f"{r.place}: {r.message}") for r in remarks if r.severity != Severity.INFO)
     own = (*sections, *readings_section(remarks))
     page = _page(diagnosis, seed, digests, (own, cautions), goes_on=WITH_CAUSE in tables)
     written = (*write_report(page, out), *(out / name for name in tables))

@@ -87,6 +87,8 @@ class Case:
         Name of the shaft that the balance is of; empty where there is no machine file.
     second : SecondFile, optional
         Where the channels of the second shaft lie, if not in the same file.
+    gains : tuple of SetTerm
+        Known gains of transducers: their channels are divided by them.
     tares, tare_errors : mapping of str to float
         Of channels that have one, what they show at rest with the drive off [SI]: it is taken out of them.
     findings : tuple of Finding
@@ -112,9 +114,15 @@ class Case:
     shaft: str = ""
     second: SecondFile | None = None
     zero: tuple[Path, ...] = ()
+    gains: tuple[SetTerm, ...] = ()
     tares: Mapping[str, float] = field(default_factory=dict)
     tare_errors: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+
+    @property
+    def stated(self) -> tuple[SetTerm, ...]:
+        """All that is known beside the baseline, gains of transducers too."""
+        return (*self.known, *self.gains)
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -130,12 +130,13 @@ def _cause(diagnosis: TermsDiagnosis, fit: TermFit, group: int, shared: frozense
 def _remark(diagnosis: TermsDiagnosis, fit: TermFit, gain: float) -> str:
     """What a size means; empty where there is nothing to add."""
     factor = _factor(fit.identifier, gain, diagnosis.case.axis.factor)
-    return factor or _beyond_known(diagnosis, fit) or _once_a_turn(diagnosis, fit) or _limit(diagnosis, fit)
+    beyond = _beyond_known(diagnosis, fit)
+    return "; ".join(filter(None, (factor, beyond))) or _once_a_turn(diagnosis, fit) or _limit(diagnosis, fit)
 
 
 def _beyond_known(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
     """What a size of a term is beside what the machine file knows of it; empty where it knows nothing."""
-    known = next((each for each in diagnosis.case.known if each.term.key == fit.candidate.key), None)
+    known = next((each for each in diagnosis.case.stated if each.term.key == fit.candidate.key), None)
     if known is None:
         return ""
     sizes = zip(known.term.amplitudes, known.amplitudes, strict=True)

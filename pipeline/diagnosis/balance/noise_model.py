@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.diagnosis.balance.serial import SerialNoise
-    from pmg.sim.signals import Array
+    from pmg.sim.signals import Array, Mask
 
 ROUNDS = 2
 """Times that the structure is taken out of whitened rows, and the noise fitted to what that leaves."""
@@ -90,12 +90,16 @@ class Bands:
 
     def power(self, left: Array) -> Array:
         """Power of each band (b,), what was projected out with the columns made up for."""
-        power = self.sums(left) / np.maximum(self.free, SILENT)
-        known = self.free > FREE * np.diff(self.edges)
-        if known.any():
-            level = np.log(np.maximum(power, SILENT))
-            power = np.exp(np.interp(self.centres, self.centres[known], level[known]))
-        return np.maximum(power, SILENT)
+        return np.maximum(self.between(self.sums(left) / np.maximum(self.free, SILENT), self.free), SILENT)
+
+    def between(self, power: Array, free: Array) -> Array:
+        """Power of each band (b,), that of a band of which few frequencies are free (b,) by its neighbours."""
+        known = free > FREE * np.diff(self.edges)
+        if not known.any():
+            return power
+        return np.asarray(
+            np.exp(np.interp(self.centres, self.centres[known], np.log(np.maximum(power, SILENT))[known]))
+        )
 
     @property
     def centres(self) -> Array:
@@ -214,7 +218,7 @@ def _in_bands(noise: SerialNoise, rows: Array) -> NoiseModel:
 def _in_gaps(noise: SerialNoise, rows: Array) -> NoiseModel:
     """The same by the rows without noise of their own: by what each band would leave there of what is seen."""
     basis, left = _whitened(noise, rows)
-    bands, plain = Bands.of(basis), noise.spread[noise.lags :, None] < SPREAD[0]
+    bands, plain = Bands.of(basis), _plain(noise.spread)[noise.lags :, None]
     spectrum = np.fft.rfft(np.random.default_rng(SEED).standard_normal((bands.rows, DRAWN)), axis=0)
     leaves = np.zeros((len(bands.free), len(bands.free)))
     for k, (first, last) in enumerate(itertools.pairwise(bands.edges.tolist())):
@@ -224,9 +228,16 @@ def _in_gaps(noise: SerialNoise, rows: Array) -> NoiseModel:
         leaves[:, k] = bands.sums(plain * (shown - basis @ (basis.T @ shown))).mean(axis=1)
     power = _power_that_leaves(bands.sums(plain[:, 0] * left), leaves)
     free = leaves.sum(axis=0) / max(float(plain.mean()), SILENT)
+    power = bands.between(power, free)
     for k in range(len(power) - 2, -1, -1):
         power[k] = (free[k] * power[k] + ALIKE * power[k + 1]) / (free[k] + ALIKE)
     return _levelled(noise, replace(bands, free=free + ALIKE), np.maximum(power, SILENT))
+
+
+def _plain(spread: Array) -> Mask:
+    """Rows (n,) that tell the noise of all: those without much of their own; of others the half that has least."""
+    found = spread < SPREAD[0]
+    return np.asarray(found if found.any() else spread <= np.median(spread))
 
 
 def _whitened(noise: SerialNoise, rows: Array) -> tuple[Array, Array]:
@@ -256,7 +267,7 @@ def _following(noise: SerialNoise, found: NoiseModel) -> SerialNoise:
     power = np.exp(np.interp(frequency, found.bands.centres, np.log(found.power)))
     response = np.fft.rfft(np.r_[1.0, -noise.coefficients], FINE)
     covariance = np.fft.irfft(found.noise.sigma**2 * power / np.abs(response) ** 2, FINE)
-    plain = int(np.sum(noise.spread < SPREAD[0]))
+    plain = int(np.sum(_plain(noise.spread)))
     most = most_lags(plain)
     coefficients, variance = autoregression(covariance[: most + 1], plain, range(most + 1))
     return replace(noise, coefficients=coefficients, sigma=math.sqrt(variance))

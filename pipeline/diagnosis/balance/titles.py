@@ -69,6 +69,6 @@ def separating_test(diagnosis: TermsDiagnosis, ids: tuple[str, ...]) -> str:
 
 def taken_for_granted(case: Case, joint: str) -> str:
     """The terms of the baseline by their ids, and further ones that are known."""
-    known = joint.join(each.term.key for each in case.known if each.amplitudes.any())
+    known = joint.join(each.term.key for each in case.stated if each.amplitudes.any())
     further = f"; known: {known}" if known else ""
     return f"{joint.join(case.baseline)}{further}"

@@ -203,7 +203,8 @@ def _together(
     """
     slopes = [found.problem.slopes(fit) for fit in fits]
     free = [fit.candidate.free_parameters for fit in fits]
-    columns = np.hstack([columns_beside(found, fits), *(s * f for s, f in zip(slopes, free, strict=True))])
+    own = (s * f for s, f in zip(slopes, free, strict=True))
+    columns = np.hstack([columns_beside(found, fits), *own, found.granted])
     effect = sum((s[:, : len(f.amplitudes)] @ f.amplitudes for s, f in zip(slopes, fits, strict=True)), 0.0 * found.y)
     inverse = pseudo_inverse(columns)
     moved = inverse @ (found.y - effect)

@@ -22,7 +22,7 @@ KIND_WORDS = {
     "torque": "torque torques drehmoment trq tq moment",
     "speed": "speed drehzahl rpm omega velocity vel geschwindigkeit ω",
     "angle": "angle winkel phi theta position pos encoder count counts counter drehwinkel φ θ",
-    "temperature": "temp temperature temperatur ambient amb oil oel öl",
+    "temperature": "temp temperature temperatur",
     "current": "current strom amps iq",
     "time": "time zeit timestamp clock elapsed uhrzeit seconds sec secs",
     "ticks": "tick ticks timer",
@@ -30,8 +30,8 @@ KIND_WORDS = {
 """Words that say what a signal is."""
 LETTERS = {"M": ("torque",), "T": ("torque", "temperature"), "n": ("speed",), "t": ("time",), "I": ("current",)}
 """Single letters that may say so; what has a unit is judged by that alone."""
-GREEK = {"theta", "θ", "phi", "φ"}
-"""Letters of an angle which, beside a word of a temperature, are its symbol."""
+WARM_PLACES = {"oil", "oel", "öl", "ambient", "amb"}
+"""Words of what has a temperature, whose symbol is a letter of an angle, too."""
 SIDE_WORDS: tuple[Mapping[str, str], ...] = (
     {"sun": "sun sonne sonnenrad", "ring": "ring hohlrad"},
     {
@@ -47,9 +47,9 @@ LONE_UNITS = {
     "N": "force kraft F",
     "V": "voltage spannung command",
     "m": "position pos weg travel stroke hub x",
-    "C": f"{KIND_WORDS['temperature']} T θ",
-    "K": f"{KIND_WORDS['temperature']} T θ",
-    "%": f"{KIND_WORDS['torque']} load last",
+    "C": f"{KIND_WORDS['temperature']} T theta θ",
+    "K": f"{KIND_WORDS['temperature']} T theta θ",
+    "%": KIND_WORDS["torque"],
 }
 """Units of one letter at the end of a name, as in ``force_N``, and the words before them that make them units."""
 SET_WORDS = ["set", "setpoint", "soll", "sollwert", "cmd", "command", "ref", "reference", "demand", "target"]
@@ -90,7 +90,7 @@ def kinds_by_name(name: str) -> tuple[tuple[str, ...], bool]:
     """Kinds that a name may speak of, and whether words say so; a single letter is a weak sign."""
     words = words_of(_parts(name)[1])
     found = tuple(kind for kind, known in KIND_WORDS.items() if set(words) & set(known.split()))
-    if set(found) == {"angle", "temperature"} and set(words) & GREEK:
+    if found == ("angle",) and set(words) & {"theta", "θ"} and set(words) & WARM_PLACES:
         found = ("temperature",)
     if found:
         return found, True

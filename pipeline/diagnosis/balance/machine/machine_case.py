@@ -126,8 +126,9 @@ def _with_gains(case: Case, machine: Machine) -> Case:
         factor = shown if kind == "force" else 1.0 / shown
         message = f"shows {factor:.5g} times its torque, as [model] known says: divided by that"
         told.info(Code.CHANNEL_VALUE, channel.name, message, "Nothing to do.")
-    known = tuple(each for each in case.known if each.term.identifier not in OF_GAIN)
-    return replace(case, channels=channels, known=known, findings=(*case.findings, *told.listed()))
+    gains = tuple(each for each in case.known if each.term.identifier in OF_GAIN)
+    known = tuple(each for each in case.known if each not in gains)
+    return replace(case, channels=channels, known=known, gains=gains, findings=(*case.findings, *told.listed()))
 
 
 def _measured(machine: Machine) -> MachineShaft:

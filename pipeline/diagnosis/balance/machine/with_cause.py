@@ -36,7 +36,7 @@ def with_cause(text: str, diagnosis: TermsDiagnosis) -> str:
     fits = [step.fitted.fits[-1] for step in diagnosis.steps[1:]]
     if diagnosis.verdict is not Verdict.NAMED or not fits:
         return ""
-    known = {each.term.key for each in diagnosis.case.known}
+    known = {each.term.key for each in diagnosis.case.stated}
     motion = diagnosis.recorded.motion
     if any(fit.candidate.key in known or of_its_recordings(fit.candidate, motion, fit.shape) for fit in fits):
         return ""
