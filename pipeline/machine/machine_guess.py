@@ -143,10 +143,12 @@ def guess_machine(source: ForeignSource) -> MachineGuess:
 
 def _rate(source: ForeignSource, time: Sequence[ChannelGuess], guessed: Iterable[ChannelGuess]) -> float | None:
     """Sample rate [Hz] by a time column, else as the file declares it, by a single value, or by even steps."""
-    found = {1.0 / (one.seen.step * TIMES[one.unit]) for one in time[:1] if one.unit and one.reason != BY_STEPS}
-    found = found or {channel.rate_hz for channel in source.channels if channel.rate_hz is not None}
-    found = found or {rate for one in guessed if one.kind == "rate" and (rate := _single_rate(one)) is not None}
-    found = found or {1.0 / (one.seen.step * TIMES[one.unit]) for one in time[:1] if one.unit}
+    clock = next((one for one in time if one.unit), None)
+    of_clock = set() if clock is None else {1.0 / (clock.seen.step * TIMES[clock.unit])}
+    declared = {channel.rate_hz for channel in source.channels if channel.rate_hz is not None}
+    single = {rate for one in guessed if one.kind == "rate" and (rate := _single_rate(one)) is not None}
+    by_steps = clock is not None and clock.reason == BY_STEPS
+    found = (declared or single or of_clock) if by_steps else (of_clock or declared or single)
     if len(found) != 1:
         return None
     (rate,) = found

@@ -10,15 +10,13 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.free_run import LIMIT
 from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
 from pmg.pipeline.diagnosis.balance.library.term import EXCEEDED
+from pmg.pipeline.diagnosis.balance.library.two_torques import GAINS
 from pmg.pipeline.diagnosis.balance.titles import separating_test, titled
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
-
-GAINS = {"output_torque_gain": lambda g: 1.0 / (1.0 - g), "input_torque_gain": lambda g: 1.0 + g}
-"""Reading over torque for the gain of either transducer."""
 
 CONVERSIONS = {
     0.737562: "as if lbf ft were read as N m",

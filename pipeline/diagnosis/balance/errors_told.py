@@ -61,10 +61,8 @@ def where_it_sticks(diagnosis: TermsDiagnosis, last: ModelStep) -> str:
         others.append(percent(float(np.linalg.norm(left[moves]) / np.linalg.norm(whole[moves]))))
     if parts[0] < MOSTLY:
         return ""
-    most, where = (
-        f"{100.0 * parts[0]:.3g} % is of samples",
-        "where the machine sticks or turns, or steps of its encoder show",
-    )
+    most = f"{100.0 * parts[0]:.3g} % is of samples"
+    where = "where the machine sticks or turns, or steps of its encoder show"
     withheld = f", and {others[1]} on the withheld record" if len(others) > 1 else ""
     return f"Of the squared error {most} {where}; in all others the relative error is {others[0]}{withheld}."
 

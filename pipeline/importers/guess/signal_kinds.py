@@ -112,9 +112,9 @@ def unit_by_name(name: str, more: Iterable[str] = ()) -> str:
     if len(before) > 1 and (ratio := declared(f"{above}/{last}")) in known:
         return ratio
     unit = declared(last)
-    if len(unit) == 1 and unit in LONE_UNITS and not set(words_of(" ".join(before))) & set(LONE_UNITS[unit].split()):
+    if len(unit) == 1 and not set(words_of(" ".join(before))) & set(LONE_UNITS.get(unit, "").split()):
         return ""
-    return unit if before and unit in known and (len(unit) > 1 or unit in LONE_UNITS) else ""
+    return unit if before and unit in known else ""
 
 
 def kind_by_unit(unit: str, named: tuple[str, ...]) -> str:

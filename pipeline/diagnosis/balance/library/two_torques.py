@@ -39,6 +39,9 @@ OF_A_COMMAND = frozenset(
 )
 """Terms of a drive that no measured torque has."""
 
+GAINS = {"output_torque_gain": lambda g: 1.0 / (1.0 - g), "input_torque_gain": lambda g: 1.0 + g}
+"""Reading over torque for the gain of either transducer."""
+
 GAIN_TEST = "Hang a known weight from a lever on either shaft, or swap the transducers and repeat a run"
 ZERO_TEST = "Record both transducers with the couplings open, before and after, and turn slowly in both directions"
 LOAD_TEST = "Run the same speeds at four or more loads in both directions of power"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pmg.pipeline.diagnosis.balance.case import OUTPUT, Case, SecondFile, check_model
 from pmg.pipeline.diagnosis.balance.known_terms import check_known, check_parameters, set_terms
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE, ROTARY_DRIVE
-from pmg.pipeline.diagnosis.balance.library.two_torques import TWO_TORQUES
+from pmg.pipeline.diagnosis.balance.library.two_torques import GAINS, TWO_TORQUES
 from pmg.pipeline.diagnosis.balance.library.warmth import warm_term
 from pmg.pipeline.diagnosis.balance.records.zero import ZERO, with_zero
 from pmg.pipeline.files.strict_tables import RefusalError
@@ -117,13 +117,12 @@ def _with_gains(case: Case, machine: Machine) -> Case:
         if (kind := OF_GAIN.get(each.term.identifier)) is None:
             continue
         (g,) = each.amplitudes.tolist()
-        shown = 1.0 + g if kind == "force" else 1.0 - g  # over the torque, and torque over what is shown
-        if shown <= 0.0:
+        if g <= -1.0 if kind == "force" else g >= 1.0:
             came, do = f"g = {g:g} of {each.term.key}", "Correct it, or set the sign of the channel."
             raise machine.file.refusal(came, "a transducer that shows some of its torque", do, "model", "known")
         channel, unit = channels[kind]
-        channels[kind] = channel, unit / shown if kind == "force" else unit * shown
-        factor = shown if kind == "force" else 1.0 / shown
+        factor = GAINS[each.term.identifier](g)
+        channels[kind] = channel, unit / factor
         message = f"shows {factor:.5g} times its torque, as [model] known says: divided by that"
         told.info(Code.CHANNEL_VALUE, channel.name, message, "Nothing to do.")
     gains = tuple(each for each in case.known if each.term.identifier in OF_GAIN)
