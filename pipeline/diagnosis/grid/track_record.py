@@ -67,13 +67,13 @@ RECORD = {
 
 
 IN_MOTION = {
-    "named": TrackRecord("a cause named", "The cause named was right", 73, 78),
-    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 11, 14),
+    "named": TrackRecord("a cause named", "The cause named was right", 63, 69),
+    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 4, 4),
     "weak": TrackRecord(
-        "a difference too weak to name its cause, or none proved", "The truth was among those given", 8, 9
+        "a difference too weak to name its cause, or none proved", "The truth was among those given", 20, 21
     ),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "The cause was unknown or the closest", 24, 25
+        "no known cause given, with those that come near", "The cause was unknown or the closest", 25, 28
     ),
 }
 """The same of runs in motion, from the trial of 240 campaigns in ``pipeline/trials/motion/README.md``."""
