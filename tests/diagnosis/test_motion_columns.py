@@ -111,7 +111,7 @@ def test_every_candidate_with_columns_moves_some_row_and_stays_finite(baseline: 
 def test_columns_that_stay_while_constants_move_little_lead_to_the_same_constants(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Against columns made anew at every step, on runs with a lag that no constant makes."""
+    """Against columns made anew at every step, on runs with a lag that no constant makes; none of them is engaged."""
     runs = tuple(smooth(run) for run in _campaign(3, lag=0.01))
     start = start_baseline(sheet_of(load_bench(), 1, ()), stretches_of(runs))
     noise = [row_noise(start, place) for place in range(len(start.stretches))]
@@ -127,6 +127,9 @@ def test_columns_that_stay_while_constants_move_little_lead_to_the_same_constant
     assert np.all(np.abs(kept.values - anew.values) <= 0.05 * errors + 1e-12)
     np.testing.assert_allclose(np.diag(near), np.diag(exact), rtol=0.02, atol=1e-15)
     assert counts[1] < counts[0]
+    silent = [start.sheet.at(name) for name in ("slip_damping", *(f"engaged_drag_sun_{power}" for power in (1, 2)))]
+    assert not kept.values[silent].any()
+    assert not near[silent].any(), "no row and no data sheet says anything of them, and rounding is no evidence"
 
 
 @pytest.mark.parametrize("off", [-1.2, 1.1])

@@ -231,7 +231,9 @@ def _linearised(
         columns.append(white(place, np.hstack([found.clean.columns(place), *own])))
     squares = of_sheet.T @ of_sheet + sum(each.T @ each for each in columns)
     length = np.sqrt(np.diag(squares))
-    length[length == 0.0] = 1.0
-    scale = np.outer(length, length)
-    covariance = np.linalg.pinv(squares / scale, rcond=1e-13, hermitian=True) / scale
+    acting = np.flatnonzero(length)
+    held = np.ix_(acting, acting)
+    scale = np.outer(length[acting], length[acting])
+    covariance = np.zeros_like(squares)
+    covariance[held] = np.linalg.pinv(squares[held] / scale, rcond=1e-13, hermitian=True) / scale
     return _Linearised(tuple(columns), of_sheet, others, covariance)
