@@ -179,7 +179,7 @@ def smooth(run: MovingRun) -> SmoothRun:
     if run.rate < LEAST_RATE:
         came, do = f"{run.rate:g} samples a second", "Record faster, or leave the run out."
         raise FitError(run.name, came, f"{LEAST_RATE:g} or more, so that noise shows above the band of the rows", do)
-    step = max(round(run.rate / FINE_RATE), 1)
+    step = _fine_step(run.rate)
     weights = _low_pass(FINE_BAND, FINE_HALF, run.rate)
     half = len(weights) // 2
     time = np.arange(half, len(run.torque.sun) - half, step) / run.rate
@@ -223,9 +223,20 @@ def row_weights(run: SmoothRun) -> tuple[Array, Array]:
     return _of_rows(run.run.rate)
 
 
+@lru_cache(maxsize=4)
 def _of_rows(rate: float) -> tuple[Array, Array]:
-    low = _low_pass(BAND, round((HALF + FINE_HALF) * rate) / rate, rate)
+    """The filter before the fine samples and that of the rows as one, and its second derivative: with their images."""
+    step = _fine_step(rate)
+    of_fine = _low_pass(BAND, HALF, rate / step)
+    spread = np.zeros(step * (len(of_fine) - 1) + 1)
+    spread[::step] = of_fine
+    low = np.convolve(_low_pass(FINE_BAND, FINE_HALF, rate), spread)
     return low, derivative(derivative(low, rate), rate)
+
+
+def _fine_step(rate: float) -> int:
+    """Samples of a record of some rate from one fine sample to the next."""
+    return max(round(rate / FINE_RATE), 1)
 
 
 def fine_response(rate: float, frequency: Array) -> Array:

@@ -381,6 +381,7 @@ def test_rows_weighted_before_they_are_whitened_give_the_same_products(n: int, c
         wander,
         shrunk,
         band[:, 0],
+        0.0,
         "sun",
         SlowNoise(),
         np.zeros(0),

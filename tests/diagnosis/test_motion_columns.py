@@ -132,6 +132,21 @@ def test_columns_that_stay_while_constants_move_little_lead_to_the_same_constant
     assert not near[silent].any(), "no row and no data sheet says anything of them, and rounding is no evidence"
 
 
+def test_a_steady_torque_is_known_as_well_as_the_noise_of_its_transducer_allows(baseline: MotionBaseline) -> None:
+    """Steps of an encoder, which an inertia turns into torque at the upper end of the band, do not drown it."""
+    seen = 0
+    for place, stretch in enumerate(baseline.stretches):
+        if stretch.coupled or stretch.at_rest:
+            continue
+        noise, n = row_noise(baseline, place), len(stretch)
+        share = float(np.sum(noise.factor.solved(np.ones((n, 1))) ** 2) / n)
+        slow = noise.correlation[0] + 2.0 * noise.correlation[1:].sum()
+        assert slow == pytest.approx(0.5 * stretch.run.row_rate * stretch.shaft.density, rel=0.05)
+        assert 0.9 < share * slow < 1.05, stretch.side
+        seen += 1
+    assert seen
+
+
 @pytest.mark.parametrize("off", [-1.2, 1.1])
 def test_a_fit_that_starts_far_off_does_not_turn_the_magnetic_spring_around(
     baseline: MotionBaseline, off: float

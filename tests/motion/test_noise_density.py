@@ -50,6 +50,23 @@ def _slow(rng: np.random.Generator, speed: float) -> Array:
     return speed + 6.0 * COUNT * drift / np.std(drift)
 
 
+@pytest.mark.parametrize("rate", [500.0, 1000.0, 2000.0])
+def test_rows_weigh_samples_as_their_noise_is_told_to_be(rate: float) -> None:
+    """One sample of a torque, and of an angle, comes into the rows by the weights of which their noise is made."""
+    n, struck = round(4.0 * rate), round(2.0 * rate)
+    struck_once = np.eye(1, n, struck)[0]
+    found = smooth(replace(_run(struck_once, np.zeros(n)), rate=rate))
+    turned = smooth(replace(_run(np.zeros(n), struck_once), rate=rate))
+    rows = np.round(found.row_time * rate).astype(int)
+    for shown, weights in zip(
+        (found.measured.sun, turned.rows(turned.shafts.sun.acceleration)), row_weights(found), strict=True
+    ):
+        at = rows - struck + len(weights) // 2
+        reached = (at >= 0) & (at < len(weights))
+        expected = np.where(reached, weights[np.clip(at, 0, len(weights) - 1)], 0.0)
+        np.testing.assert_allclose(shown, expected, atol=1e-5 * np.abs(weights).max())
+
+
 def test_steps_that_fold_into_the_band_are_told_as_large_as_they_are() -> None:
     rng, told, seen = np.random.default_rng(7), 0.0, 0.0
     for number in range(24):

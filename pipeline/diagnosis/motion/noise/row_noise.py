@@ -11,8 +11,9 @@ from scipy.linalg import cholesky_banded
 from pmg.pipeline.diagnosis.motion.constants import RIPPLE
 from pmg.pipeline.diagnosis.motion.noise.wander import Wander, covariance_between, draw_wander
 from pmg.pipeline.motion.banded import BandedFactor
-from pmg.pipeline.motion.smooth import row_weights
+from pmg.pipeline.motion.smooth import BAND, row_weights
 from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
+from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,8 +25,13 @@ if TYPE_CHECKING:
 LONGEST = 3.0
 """Longest time from knot to knot of the straight lines that carry a wander [s]."""
 
-FLOOR = 0.1
-"""Part of the variance that is added to it alone, so that the whitening of a band-limited noise stays bounded."""
+FLOOR = 0.06
+"""White part that is added to the noise, over its least density in the band, so that whitening stays bounded beyond it.
+Where an inertia turns the steps of an encoder into torque, most of the variance lies at the upper end of the band, and
+a part of that would drown what a torque tells at the lower."""
+
+IN_BAND = 0.85
+"""Part of the cut-off up to which the low-pass of the rows is flat."""
 
 
 REACTION = 0.05
@@ -70,6 +76,8 @@ class RowNoise:
         Part of a column along each of them that goes.
     correlation : (b,) array
         Covariance of what the filters leave with as many rows later [(N m)2].
+    floor : float
+        Variance that is added to that of each row [(N m)2].
     side : str
         The shaft.
     slow_noise : SlowNoise
@@ -84,6 +92,7 @@ class RowNoise:
     slow: Array
     shrunk: Array
     correlation: Array
+    floor: float
     side: str
     slow_noise: SlowNoise
     knots: Array
@@ -134,7 +143,8 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     for density, one, another in sources:
         whole = np.correlate(one, another, "full")[len(value) - 1 :: step]
         correlation[: len(whole)] += 0.5 * run.run.rate * density * whole
-    bounded = correlation * np.r_[1.0 + FLOOR, np.ones(length - 1)]
+    bounded = correlation.copy()
+    bounded[0] += (floor := FLOOR * _least_density(correlation, run.row_rate))
     at = np.flatnonzero(stretch.rows)
     banded = np.zeros((length, len(at)))
     for lag in range(min(length, len(at))):
@@ -145,7 +155,14 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     white = factor.solved(slow_spread(stretch, slow_noise))
     slow, size, _ = np.linalg.svd(white, full_matrices=False)
     shrunk = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
-    return RowNoise(factor, slow, shrunk, correlation, side, slow_noise, knots, lines)
+    return RowNoise(factor, slow, shrunk, correlation, floor, side, slow_noise, knots, lines)
+
+
+def _least_density(correlation: Array, rate: float) -> float:
+    """Least density in the band of a noise with a correlation (b,), over that of white noise of variance 1."""
+    turn = REVOLUTION * np.linspace(0.0, IN_BAND * BAND, 65) / rate
+    lags = np.arange(1, len(correlation))
+    return float(np.min(correlation[0] + 2.0 * np.cos(turn[:, None] * lags) @ correlation[1:]))
 
 
 def slow_spread(stretch: RotorRows, noise: SlowNoise = USUAL) -> Array:

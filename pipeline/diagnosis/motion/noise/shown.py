@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import block_diag, eigh
 
 from pmg.pipeline.diagnosis.motion.constants import RIPPLE
-from pmg.pipeline.diagnosis.motion.noise.row_noise import FLOOR, USUAL, SlowNoise, turns_of
+from pmg.pipeline.diagnosis.motion.noise.row_noise import USUAL, SlowNoise, turns_of
 from pmg.pipeline.diagnosis.motion.noise.wander import TIMES, Wander, of_means
 from pmg.sim.shafts import per_shaft
 from pmg.sim.signals import NORMAL_MAD
@@ -112,7 +112,7 @@ def _means_of(stretch: RotorRows, noise: RowNoise, left: Array, columns: Array) 
     inverse = np.linalg.pinv(squares[:, : len(squares)], rcond=1e-12, hermitian=True)
     found, p = inverse @ squares[:, len(squares) :], len(when)
     weights = noise.factor.adjoint(white[:, : len(squares)] @ inverse[:, :p])
-    covariance = inverse[:p, :p] - FLOOR * noise.correlation[0] * weights.T @ weights
+    covariance = inverse[:p, :p] - noise.floor * weights.T @ weights
     return _Means(when, found[:p, -1], found[:p, :-1], covariance), found[p:, -1]
 
 
