@@ -55,7 +55,7 @@ def distances(lot: MotionLot) -> dict[str, tuple[float, float]]:
     for side in SIDES:
         speed = np.array(PARTS) * FASTEST[side]
         drag, uncertainty = loss_curve(sheet, values, covariance, side, speed)
-        built = case.scene.bench.shafts[side].drag.drag(speed)
+        built = case.scene.bench.shafts[side].friction(speed)
         for part, off, wide in zip(PARTS, (drag - built) / uncertainty, uncertainty / built, strict=True):
             found[f"loss curve of the {side} at {part:.0%}"] = float(off), float(wide)
     return found

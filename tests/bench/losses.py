@@ -101,7 +101,7 @@ def compare(seed: int) -> dict[str, Array]:
     found = {"minutes of ramps": np.array([minutes(ramps)]), "minutes of the grid": np.array([minutes(grid)])}
     for side in SIDES:
         speed, window = grid_speeds(side), slice(round(SETTLE * RATE), None)
-        true = case.scene.bench.shafts[side].drag.drag(speed)
+        true = case.scene.bench.shafts[side].friction(speed)
         zero = np.mean([run.torque[side].mean() for run in held if run.configuration is Configuration.ZERO])
         means = {run.point: run.torque[side][window].mean() - zero for run in held}
         twice = np.array([[means[f"{side}_{k}_{turn}"] for turn in range(2)] for k in range(SPEEDS)])

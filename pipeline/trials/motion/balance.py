@@ -68,10 +68,6 @@ def _rotor(shaft: Shaft, torque: Array, angle: Array) -> _RotorMotion:
     return _RotorMotion(torque, twist, turned, speed, np.gradient(speed) * RATE)
 
 
-def _direction(shaft: Shaft, speed: Array) -> Array:
-    return np.asarray(speed / np.hypot(speed, shaft.turning_width))
-
-
 class CourseBalance:
     """The balances of one run: what is missing, what a baseline may move, and how they scatter.
 
@@ -109,8 +105,7 @@ class CourseBalance:
         found = {}
         for side in self.sides:
             shaft, rotor = self.bench.shafts[side], self.rotors[side]
-            drag = shaft.drag.drag(np.abs(rotor.speed)) * _direction(shaft, rotor.speed)
-            left = rotor.torque - shaft.rotor_inertia * rotor.acceleration - drag
+            left = rotor.torque - shaft.rotor_inertia * rotor.acceleration - shaft.friction(rotor.speed)
             if self.engaged:
                 spring = self.bench.pull_out * np.sin(self.pole_angle) + self.bench.slip_damping * self.pole_rate
                 left = left - POLE_PAIRS[side] * spring - shaft.eddy * rotor.speed
@@ -133,7 +128,7 @@ class CourseBalance:
                 for wave in (np.cos, np.sin):
                     name = f"ripple {side} {order} {wave.__name__}"
                     yield name, tolerance, {side: wave(order * self.course.turned[side])}
-            direction, nodes = _direction(shaft, rotor.speed), np.linspace(0.0, 14.5, TENTS)
+            direction, nodes = shaft.direction(rotor.speed), np.linspace(0.0, 14.5, TENTS)
             for k, node in enumerate(nodes):
                 tent = np.maximum(1.0 - np.abs(np.sqrt(np.abs(rotor.speed)) - node) / nodes[1], 0.0)
                 yield f"drag {side} {k}", FREE, {side: tent * direction}

@@ -107,6 +107,14 @@ class Shaft:
     drag: RotorDrag
     drive: Drive
 
+    def direction(self, speed: Array) -> Array:
+        """Sense in which friction acts at some speeds [rad/s], smooth about standstill: between -1 and 1."""
+        return np.asarray(speed / np.hypot(speed, self.turning_width))
+
+    def friction(self, speed: Array) -> Array:
+        """Drag of the rotor with its sign [N m], without what an effect adds."""
+        return self.drag.drag(np.abs(speed)) * self.direction(speed)
+
 
 @dataclass(frozen=True)
 class MotionNoise:
