@@ -18,11 +18,11 @@ from matplotlib.transforms import Bbox
 from pmg.pipeline.files.parallel import map_in_order
 from pmg.pipeline.report import draw_chart, draw_flow, draw_map
 from pmg.pipeline.report.figure import Chart, Figure, Panel, SpeedMap
-from pmg.pipeline.report.sheet import POINTS, Sheet, wrapped
+from pmg.pipeline.report.sheet import PAPER, POINTS, wrapped
 from pmg.pipeline.report.spelled import spelled
 from pmg.pipeline.report.stills.compact import compact
 from pmg.pipeline.report.stills.strokes import Recorder, RecordingCanvas, Redrawn
-from pmg.pipeline.report.theme import LIGHT, alone, themed
+from pmg.pipeline.report.theme import alone, themed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import SubFigure
 
+    from pmg.pipeline.report.sheet import Sheet
     from pmg.pipeline.report.stills.strokes import Stroke
 
-PAPER = Sheet(width=8.4, letters=9.5, palette=LIGHT)
 NARROW = 4.4
 """Width of a figure that stands beside text [in]."""
 RESOLUTION = 200

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextToPath
 
+from pmg.pipeline.report.theme import LIGHT
+
 if TYPE_CHECKING:
     from pmg.pipeline.report.theme import Palette
 
@@ -74,3 +76,7 @@ def wrapped(text: str, width: float, size: float, weight: str = "normal") -> tup
         else:
             lines, taken = [*lines, word], needed
     return tuple(lines)
+
+
+PAPER = Sheet(width=8.4, letters=9.5, palette=LIGHT)
+"""The sheet of every figure."""

@@ -225,7 +225,7 @@ class ShownTorque(Instrument):
     """A transducer that also shows something of the other one's torque. Each form says what of it."""
 
     identifier = "torque_crosstalk"
-    title = "Crosstalk between the torque transducers"
+    title = "Crosstalk from the other transducer"
     source = sources.GUM.at("section 4.3")
     component = Component.SUN_TORQUE_TRANSDUCER
     components = _SHAFTS

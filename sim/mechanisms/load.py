@@ -115,7 +115,7 @@ class LoadFrictionPower(FrictionUnderLoad):
     source = sources.PALMGREN.at("load-dependent moment f1 P d, f1 = z (P/C)^y with y of 0.33 to 0.55")
     shape = ("power",)
 
-    power: float = parameter("1", bounds=(0.5, 1.7), typical=1.4, meaning="power of the carried torque", null=1.0)
+    power: float = parameter("1", bounds=(0.5, 1.7), typical=1.4, meaning="exponent of the carried torque", null=1.0)
 
     def grown(self, torque: Number) -> Number:
         """A power of the torque."""

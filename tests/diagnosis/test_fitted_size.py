@@ -95,11 +95,11 @@ def test_a_size_of_either_sign_or_on_each_shaft_is_no_sum() -> None:
 
 def test_people_read_what_of_an_error_is_the_law() -> None:
     size = FittedSize("in all", 3.45e-3, 5e-4, "N m", of_law=4e-4)
-    shares = "the unknown form of the law makes 0.4 of that error, noise 0.3"
+    shares = "of its error the unknown form of the law makes 0.4, noise 0.3"
     assert size.sentence == f"Fitted: in all 3.45 ± 0.50 mN m; {shares}."
     rotors = "10.4 ± 1.5 mN m on the sun rotor, 34.5 ± 5.0 mN m on the ring rotor"
     told = replace(size, poles=POLES).sentence
-    assert told == f"Fitted: in all 3.45 ± 0.50 mN m on the pole angle: {rotors}; {shares}."
+    assert told == f"Fitted: in all 3.45 ± 0.50 mN m on the pole angle ({rotors}); {shares}."
     assert FittedSize("", 0.02, 0.001, "kg m2", remark=" more than in the data sheet").sentence.endswith(
         "kg m2 more than in the data sheet."
     )

@@ -72,16 +72,16 @@ def test_a_name_in_the_legend_switches_both_of_its_series(tab: chromium.Tab) -> 
 
 
 COVERING = """[...document.querySelectorAll('#flow .plot')].flatMap(plot => {
-  const labels = [...plot.querySelectorAll('.node-label')].filter(label => label.textContent)
-    .map(label => [label.textContent, label.getBoundingClientRect()]);
-  return labels.flatMap(([a, p], at) => labels.slice(at + 1).filter(([, q]) =>
+  const boxes = what => [...plot.querySelectorAll(what)].map(one => [one.textContent, one.getBoundingClientRect()]);
+  const labels = boxes('.annotation-text');
+  return labels.flatMap(([a, p], at) => [...labels.slice(at + 1), ...boxes('.shapelayer path')].filter(([, q]) =>
     Math.min(p.right, q.right) - Math.max(p.left, q.left) > 2 &&
-    Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top) > 4).map(([b]) => a + ' / ' + b)); })"""
+    Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top) > 4).map(([b]) => a + ' / ' + (b || 'an area'))); })"""
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("width", [1280, 390])
-def test_no_label_of_a_power_flow_covers_another(tmp_path: Path, width: int, sign: float) -> None:
+def test_no_label_of_a_power_flow_covers_another_or_an_area(tmp_path: Path, width: int, sign: float) -> None:
     stages = (("electric supply", 247.8), ("into the gearbox", 207.3), ("out of the gearbox", 147.6))
     losses = (("sun bearings", 25.1, 1), ("magnetic gear", 13.8, 1), ("ring bearings", 18.3, 1))
     flow = PowerFlow(
@@ -96,7 +96,7 @@ def test_no_label_of_a_power_flow_covers_another(tmp_path: Path, width: int, sig
         tab.show(width)
         tab.open(tmp_path / "report.html")
         drawn(tab)
-        assert tab.ask("document.querySelectorAll('#flow .node-label').length") >= 10
+        assert tab.ask("document.querySelectorAll('#flow .annotation-text').length") >= 10
         assert tab.ask(COVERING) == []
 
 

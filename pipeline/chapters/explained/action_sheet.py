@@ -16,6 +16,7 @@ from pmg.pipeline.diagnosis.grid.statement import (
     beyond,
     by_chance,
     causes,
+    each_cause,
     faint,
     fitted,
     held_out,
@@ -29,6 +30,7 @@ from pmg.pipeline.diagnosis.grid.statement import (
 from pmg.pipeline.diagnosis.grid.track_record import track_record
 from pmg.pipeline.fit.losses import total_loss_and_efficiency
 from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
+from pmg.pipeline.wording.cause_sets import numbered
 from pmg.pipeline.wording.plurals import capitalised, counted, uncapitalised
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.shafts import SIDES
@@ -106,8 +108,7 @@ def _answers(
         yield SheetAnswer("About", (f"What is left {uncapitalised(before).rstrip(': ')}.",))
     yield SheetAnswer("What differs", tuple(_difference(diagnosis)), "locations" * bool(diagnosis.mismatch.locations))
     if naming is not None and verdict is Verdict.AMBIGUOUS:
-        sets = [causes(diagnosis, each) for each in _possible(diagnosis)]
-        listed = tuple(f"{i}. {capitalised(each)}." for i, each in enumerate(sets, 1))
+        listed = numbered([each_cause(diagnosis, each) for each in _possible(diagnosis)])
         unknown = ("Or one that the catalogue does not have.",) if diagnosis.weak else ()
         yield SheetAnswer("Possible causes", (*listed, *unknown), "rivals" * bool(diagnosis.rivals))
     elif verdict is Verdict.NOT_IN_LIBRARY:
@@ -140,10 +141,10 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"Nothing beyond repeatability: the model predicts the torques of {points} to {u} mN m."
     elif diagnosis.refit is not None and diagnosis.naming is not None:
         fits = diagnosis.naming.best.fits
+        of_first = " if cause 1 is true" * (diagnosis.verdict is Verdict.AMBIGUOUS)
         for fit in fits:
             side, what, size = torque_change(diagnosis, fit)
-            title = fit.candidate.kind.title
-            why = "" if len(fits) == 1 else f" because of {uncapitalised(title)}"
+            why = "" if len(fits) == 1 else f" by {uncapitalised(fit.candidate.kind.title)}{of_first}"
             yield f"The {side} {what} is off{why}: {size}{taken_up(diagnosis, fit)}"
     else:
         where, side = largest(diagnosis), diagnosis.mismatch.locations[0].signal.removeprefix("torque_")

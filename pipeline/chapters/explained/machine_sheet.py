@@ -18,6 +18,7 @@ from pmg.pipeline.diagnosis.grid.rivals import why_not_named
 from pmg.pipeline.diagnosis.grid.track_record import OF_MACHINES, track_record
 from pmg.pipeline.report.action_sheet import ActionSheet, MachinePart, SheetAnswer
 from pmg.pipeline.report.document import Chart, Figure, Series
+from pmg.pipeline.wording.cause_sets import TOGETHER
 from pmg.pipeline.wording.plurals import capitalised, counted
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
     first, last, push = d.steps[0], d.steps[-1], d.case.axis.push
     title = (TITLES.get(d.verdict) or headline(d)).rstrip(".")
     if d.verdict is Verdict.NAMED:
-        title += f": {' together with '.join(cause.title for cause in causes)}"
+        title += f": {TOGETHER.join(cause.title for cause in causes)}"
     yield SheetAnswer("Verdict", (f"{title}.",), GROUNDS)
     noise = f"noise is {d.noise.noise.standard_deviation:.3g} {push}"
     if d.mismatch.found:

@@ -10,12 +10,12 @@ from pmg.pipeline.chapters.bench_parts import GROUNDS, SHEET, parts_of
 from pmg.pipeline.chapters.simulated.motion import TIME
 from pmg.pipeline.diagnosis.design.direct_check import nothing_yet
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
-from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
 from pmg.pipeline.diagnosis.grid.track_record import IN_MOTION, track_record
 from pmg.pipeline.diagnosis.motion.design.remedy import bench_actions, next_run, telling_runs, would_tell
 from pmg.pipeline.diagnosis.motion.places import largest_of, signal_of, where_to_look
 from pmg.pipeline.diagnosis.motion.statement import (
     causes,
+    each_cause,
     effect_size,
     largest_place,
     nearest,
@@ -26,6 +26,7 @@ from pmg.pipeline.diagnosis.motion.statement import (
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
 from pmg.pipeline.report.document import Chart, Figure, Series
+from pmg.pipeline.wording.cause_sets import SHAFT_WORDS, numbered
 from pmg.pipeline.wording.plurals import capitalised, counted
 from pmg.pipeline.wording.units import MILLI
 
@@ -91,7 +92,7 @@ def _answers(
         "What differs", tuple(_difference(diagnosis, effects)), "locations" * bool(diagnosis.mismatch.locations)
     )
     if naming is not None and diagnosis.verdict is Verdict.AMBIGUOUS:
-        listed = tuple(f"{i}. {capitalised(causes(e))}." for i, e in enumerate((naming.best, *naming.rivals), 1))
+        listed = numbered([each_cause(each) for each in (naming.best, *naming.rivals)])
         unknown = ("Or one that the catalogue does not have.",) if diagnosis.weak else ()
         yield SheetAnswer("Possible causes", (*listed, *unknown), "rivals")
     elif diagnosis.mismatch.found and diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
@@ -114,7 +115,7 @@ def _answers(
 
 
 IN_THE_MODEL = {
-    Verdict.NAMED: "Nothing to edit: `model.toml` holds it. Predict other runs by `pmg compare --model model.toml`.",
+    Verdict.NAMED: "`model.toml` holds the cause: predict other runs with it (`pmg compare --model model.toml`).",
     Verdict.AMBIGUOUS: "Add none of the causes before the next test.",
     Verdict.NOT_IN_LIBRARY: "There is no known term to add; the fitted constants stand in the chapter on the bench.",
     Verdict.CONFOUNDED: "The fitted constants may hold a fault that these runs cannot show.",
@@ -160,7 +161,7 @@ def _expected(clearest: tuple[TorqueTrace, float] | None) -> str:
     of = trace.stretch.run.run
     size = f"its {trace.stretch.side} torque was off by {without:.1f} mN m rms, with the cause by {with_it:.1f} mN m"
     like = f"{of.point} ({of.manoeuvre}, {of.configuration}{f', {of.drive} drives' * trace.stretch.coupled})"
-    return f" Best is one like {like}: {size}. Expect the same fall."
+    return f" Best is one like {like}: {size}. Expect it to fall as much."
 
 
 def _difference(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> Iterator[str]:

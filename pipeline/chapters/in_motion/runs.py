@@ -30,7 +30,7 @@ MEASURED, PREDICTED, SIMULATED = "measured", "predicted", "simulated"
 
 
 def runs_section(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ...], shooting: Shooting) -> Section:
-    """How far simulated speeds are off, and a figure of each run, in the order in which they were run."""
+    """How far simulated speeds are off, and a figure of each run, that first in which most torque is missing."""
     by_run: dict[str, list[TorqueTrace]] = {}
     for trace in traces:
         by_run.setdefault(trace.stretch.run.run.name, []).append(trace)
@@ -41,7 +41,10 @@ def runs_section(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ...], sh
         f"Below, the torque that is missing {what}, as a mean over {SMOOTHED:g} s. The band holds 95 % of what noise "
         "makes. Pointing at one time shows it in all panels."
     )
-    figures = [_figure(i, of_run, shooting, named=named) for i, of_run in enumerate(by_run.values(), 1)]
+    numbers = {name: i for i, name in enumerate(by_run, 1)}
+    missing = {name: max(map(_missing_most, of_run)) for name, of_run in by_run.items()}
+    clearest = sorted(by_run, key=lambda name: -missing[name]) if diagnosis.mismatch.found else list(by_run)
+    figures = [_figure(numbers[name], by_run[name], shooting, named=named) for name in clearest]
     tables = (_simulated(shooting, named=named),) if shooting.shots else ()
     return Section("runs", "Run by run", (text, *tables, *figures))
 
@@ -99,6 +102,11 @@ def _figure(number: int, traces: list[TorqueTrace], shooting: Shooting, *, named
         tuple(panels),
         columns=2,
     )
+
+
+def _missing_most(trace: TorqueTrace) -> float:
+    """Sum of squares of the torque that is missing without the cause, over its noise."""
+    return float(np.sum((trace.missing(trace.before) / trace.spread) ** 2))
 
 
 def _rms(values: Array) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.analysis.power_flow import BRANCHES
 from pmg.pipeline.grid.levels import by_speed
 from pmg.pipeline.report.document import Column, Figure, Measured, PowerFlow, Section, Table, Text
+from pmg.pipeline.wording import numerals
 from pmg.sim import sources
 from pmg.sim.signals import SPEED_SUN
 from pmg.sim.steady.power_chain import MotorConvention
@@ -90,9 +91,10 @@ def flow_section(flows: tuple[Flow, ...], parts: tuple[Figure, ...] = ()) -> Sec
 def _words(flow: Flow, i: int) -> str:
     """What goes in and out at a point, and what is left open."""
     chain, u = flow.chain, float(flow.expanded("unexplained")[i])
+    left = numerals.number(float(chain.unexplained[i]), spec="+.2f")
     return (
         f"{flow.grid.points.name[i]}: {chain.mechanical_in[i]:.1f} W into the gearbox, {chain.mechanical_out[i]:.1f} W "
-        f"out; unexplained {chain.unexplained[i]:+.2f} W, U = {u:.2f} W. Uncertainties are U = 2u{_left_out(flow)}."
+        f"out; unexplained {left} W, U = {u:.2f} W. Uncertainties are U = 2u{_left_out(flow)}."
     )
 
 
@@ -152,7 +154,7 @@ def _label(flow: Flow, branch: str) -> str:
 
 def _left_out(flow: Flow) -> str:
     inputs = sorted({source for branch in BRANCHES for source in flow.spread.lacking(branch)})
-    return f", without those of {' and '.join(inputs)}, for which none is stated" if inputs else ""
+    return f" of the recordings: for the constants of {' and '.join(inputs)} none is stated" if inputs else ""
 
 
 def _absent(flow: Flow) -> str:

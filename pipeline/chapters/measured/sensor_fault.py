@@ -32,8 +32,8 @@ def highest_loss(found: tuple[CorrectedLosses, ...], balance: PowerBalance | Non
     u = float(balance.u(loss_name)[i])
     as_read = _loss(float(balance.values[loss_name][i]), 2.0 * u)
     without = [(one.values[loss_name][i], np.hypot(u, one.spread[loss_name][i]), one.description) for one in found]
-    others = " or ".join(f"{_loss(float(v), 2.0 * float(w))} with {fault} taken out" for v, w, fault in without)
-    return f"Total loss at {balance.grid.points.name[i]}: {as_read} as read (U = 2u), {others}."
+    others = "; ".join(f"{_loss(float(v), 2.0 * float(w))} without {fault}" for v, w, fault in without)
+    return f"Total loss at {balance.grid.points.name[i]} (U = 2u): {as_read} as read; {others}."
 
 
 def _loss(value: float, expanded: float) -> str:

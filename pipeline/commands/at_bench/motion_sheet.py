@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from pmg.pipeline.commands.at_bench.page_frame import SHEET_STYLE, as_html, framed
 from pmg.pipeline.diagnosis.balance.catalogue import TermSet
-from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
 from pmg.pipeline.diagnosis.motion.design.proposed_run import CHANGE_S
 from pmg.pipeline.diagnosis.motion.design.remedy import telling_runs
 from pmg.pipeline.diagnosis.motion.design.torque_apart import torque_apart
 from pmg.pipeline.diagnosis.motion.statement import causes
+from pmg.pipeline.wording.cause_sets import SHAFT_WORDS
 from pmg.pipeline.wording.numerals import number
 from pmg.pipeline.wording.plurals import counted, uncapitalised
 from pmg.sim.shafts import SIDES

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, Literal
 from pmg.pipeline.chapters.bench_parts import parts_of
 from pmg.pipeline.commands.in_motion.motion import FOLDER, diagnosed_motion
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document, mechanism_fact
-from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
 from pmg.pipeline.diagnosis.joint.document import joint_document, joint_sentence, titles
 from pmg.pipeline.diagnosis.joint.join import ANYWHERE, JointDiagnosis, join
 from pmg.pipeline.diagnosis.joint.kinds import evidence_in_motion, steady_evidence
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.action_sheet import SheetAnswer
 from pmg.pipeline.report.document import Headline
+from pmg.pipeline.wording.cause_sets import SHAFT_WORDS, TOGETHER
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.plurals import capitalised
 from pmg.pipeline.wording.units import displayed
@@ -112,7 +112,7 @@ class MixedDiagnosis:
         if self.joint.sets:
             words, known = "Cause" if len(self.joint.sets) == 1 else "Possible causes", titles()
             sets = (
-                " together with ".join(f"{known[each]}{SHAFT_WORDS[shaft]}" for each, shaft in sorted(one.items()))
+                TOGETHER.join(f"{known[each]}{SHAFT_WORDS[shaft]}" for each, shaft in sorted(one.items()))
                 for one in self.joint.sets
             )
             answers.append(SheetAnswer(words, tuple(f"{one}." for one in sets)))

@@ -187,7 +187,7 @@ def _engaged_plans(at: OperatingPoints, bench: BenchParameters, sun: Array, begi
     speeds = sun[sun <= float(np.abs(at.speed_ring).max()) * bench.gear2.ratio * (1.0 + 1e-9)]
     if len(speeds) and not (at.gear[at.engaged] == 2).any():
         words = "Engaged in gear stage 2: {points} points at {speeds} speeds and the lowest and highest load"
-        for times, more in ((1, ""), (AGAIN, f", {AGAIN} times over")):
+        for times, more in ((1, ""), (AGAIN, f", each {AGAIN} times")):
             repeated = np.tile([lowest, highest], times)
             yield _engaged(Experiment.OTHER_STAGE, words + more, speeds, repeated, bench, begin)
 

@@ -14,6 +14,7 @@ from pmg.pipeline.diagnosis.grid.law_words import form_sentences
 from pmg.pipeline.diagnosis.grid.remedy import advice, best_test, lifting, words_of_test
 from pmg.pipeline.diagnosis.grid.rivals import is_faint, near_causes, nearest_share, why_not_named, why_weak
 from pmg.pipeline.wording import numerals
+from pmg.pipeline.wording.cause_sets import SHAFT_WORDS, TOGETHER
 from pmg.pipeline.wording.plurals import capitalised, counted, uncapitalised
 from pmg.pipeline.wording.units import displayed
 from pmg.sim.mechanisms.base import Instrument
@@ -25,13 +26,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.diagnosis.grid.locate import CampaignMismatch
     from pmg.sim.signals import Array
-
-SHAFT_WORDS = {
-    "sun": " on the sun shaft",
-    "ring": " on the ring shaft",
-    "both": "",
-    "either": " of the sun or the ring (these recordings cannot say which)",
-}
 
 PHRASES = {
     Verdict.CONSISTENT: "no difference found",
@@ -123,11 +117,15 @@ def near(diagnosis: Diagnosis) -> str:
 
 def causes(diagnosis: Diagnosis, explanation: GridExplanation) -> str:
     """A set of mechanisms by their titles and shafts."""
-    naming, words = diagnosis.naming, []
-    for fit in explanation.fits:
-        shaft = fit.place if naming is None else naming.place_in(explanation, fit)
-        words.append(f"{uncapitalised(fit.candidate.kind.title)}{SHAFT_WORDS[shaft]}")
-    return " together with ".join(words)
+    return TOGETHER.join(each_cause(diagnosis, explanation))
+
+
+def each_cause(diagnosis: Diagnosis, explanation: GridExplanation) -> tuple[str, ...]:
+    """Title and shaft of each mechanism of a set."""
+    naming = diagnosis.naming
+    shafts = (fit.place if naming is None else naming.place_in(explanation, fit) for fit in explanation.fits)
+    titles = (uncapitalised(fit.candidate.kind.title) for fit in explanation.fits)
+    return tuple(f"{title}{SHAFT_WORDS[shaft]}" for title, shaft in zip(titles, shafts, strict=True))
 
 
 def _size(diagnosis: Diagnosis, fit: CandidateFit) -> str:
@@ -195,7 +193,10 @@ def fitted(diagnosis: Diagnosis, i: int) -> str:
     instead, other = "", naming.on_the_other_shaft(fit)
     if other is not None:
         there = other.candidate.parameters[best]
-        instead = f", or {there.meaning} {numerals.number(factor * float(other.values[best]))}{unit}"
+        size = factor * float(other.values[best])  # the same column but for its size, so known as well
+        known = np.isfinite(error) and value != 0.0
+        size_words = numerals.measured(size, abs(size * error / value)) if known else numerals.number(size)
+        instead = f", or {there.meaning} {size_words}{unit}"
     powers = [
         f"; {p.meaning} {numerals.measured(float(value), float(error))}"
         for p, value, error in zip(fit.candidate.parameters, values, errors, strict=True)

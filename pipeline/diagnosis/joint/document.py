@@ -9,10 +9,11 @@ from pmg.pipeline.diagnosis.engine.conclusion import KNOWN
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.candidates import candidates
 from pmg.pipeline.diagnosis.grid.rivals import NONE_KNOWN
-from pmg.pipeline.diagnosis.grid.statement import PHRASES, SHAFT_WORDS
+from pmg.pipeline.diagnosis.grid.statement import PHRASES
 from pmg.pipeline.diagnosis.joint.join import APART, BY_BOTH, CONTRADICTED
 from pmg.pipeline.diagnosis.joint.weighing import ONE_SIZE
 from pmg.pipeline.diagnosis.motion.candidates.library import library
+from pmg.pipeline.wording.cause_sets import SHAFT_WORDS, TOGETHER
 from pmg.pipeline.wording.plurals import uncapitalised
 from pmg.sim.shafts import SIDES, other_side
 
@@ -36,9 +37,7 @@ def joint_sentence(joint: JointDiagnosis) -> str:
     known = titles()
 
     def words(causes: Causes) -> str:
-        return " together with ".join(
-            f"{uncapitalised(known[name])}{SHAFT_WORDS[shaft]}" for name, shaft in causes.items()
-        )
+        return TOGETHER.join(f"{uncapitalised(known[name])}{SHAFT_WORDS[shaft]}" for name, shaft in causes.items())
 
     causes = "; or ".join([*map(words, joint.sets), *[OR_ELSE] * joint.something_else])
     ruled_out = f" They rule out {' and '.join(map(words, joint.ruled_out))}." if joint.ruled_out else ""

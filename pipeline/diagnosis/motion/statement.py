@@ -11,12 +11,13 @@ from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.law_words import bent_sentence
 from pmg.pipeline.diagnosis.grid.rivals import nearest_share, why_not_named, why_weak
-from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES, SHAFT_WORDS
+from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES
 from pmg.pipeline.diagnosis.motion.design.remedy import advice
 from pmg.pipeline.diagnosis.motion.evidence import OFF_SHEET
 from pmg.pipeline.diagnosis.motion.places import follows, largest_of, of_sheet, size_of
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.motion.smooth import BAND
+from pmg.pipeline.wording.cause_sets import SHAFT_WORDS, TOGETHER
 from pmg.pipeline.wording.plurals import uncapitalised
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
@@ -83,11 +84,15 @@ def nearest(diagnosis: MotionDiagnosis) -> str:
 
 def causes(explanation: Explanation[TermFit, Any], shafts: dict[str, str] | None = None) -> str:
     """A set of mechanisms by their titles and shafts."""
-    words = []
-    for fit in explanation.fits:
-        title = fit.candidate.title
-        words.append(f"{uncapitalised(title)}{SHAFT_WORDS[(shafts or {}).get(fit.identifier, fit.place)]}")
-    return " together with ".join(words)
+    return TOGETHER.join(each_cause(explanation, shafts))
+
+
+def each_cause(explanation: Explanation[TermFit, Any], shafts: dict[str, str] | None = None) -> tuple[str, ...]:
+    """Title and shaft of each mechanism of a set."""
+    places = (SHAFT_WORDS[(shafts or {}).get(fit.identifier, fit.place)] for fit in explanation.fits)
+    return tuple(
+        f"{uncapitalised(f.candidate.title)}{where}" for f, where in zip(explanation.fits, places, strict=True)
+    )
 
 
 def row_noise_of(diagnosis: MotionDiagnosis) -> PerShaft[float]:

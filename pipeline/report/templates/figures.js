@@ -134,7 +134,7 @@
       const show = () => {
         const chosen = panel.choices.find((choice) => choice.name === select.value);
         words.textContent = chosen.caption || given;
-        return pmg.plot(element, chosen.data, { ...panel.layout, uirevision: chosen.name });
+        return pmg.plot(element, [], { ...panel.layout, ...chosen.layout, uirevision: chosen.name });
       };
       select.addEventListener("change", show);
       await show();

@@ -1,0 +1,37 @@
+"""Sets of causes in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.wording.plurals import capitalised
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+SHAFT_WORDS = {
+    "sun": " on the sun shaft",
+    "ring": " on the ring shaft",
+    "both": "",
+    "either": " of the sun or the ring (these recordings cannot say which)",
+}
+"""What follows the name of a cause, by the shaft that it acts on."""
+
+TOGETHER = " together with "
+"""Between causes of one set."""
+
+
+def numbered(sets: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Sets of which one is the cause, a sentence each; what is in all of them is said first.
+
+    Parameters
+    ----------
+    sets : sequence of sequence of str
+        Names of the causes of each.
+    """
+    common = [cause for cause in sets[0] if all(cause in each for each in sets)]
+    others = [[cause for cause in each if cause not in common] for each in sets]
+    if not common or len(sets) == 1 or not all(others):
+        return tuple(f"{i}. {capitalised(TOGETHER.join(each))}." for i, each in enumerate(sets, 1))
+    first = f"{capitalised(TOGETHER.join(common))} in any case; besides it, one of these."
+    return (first, *(f"{i}. {capitalised(TOGETHER.join(each))}." for i, each in enumerate(others, 1)))
