@@ -115,6 +115,20 @@ def test_what_was_named_is_known_of_further_recordings(tmp_path: Path) -> None:
     assert not with_cause(f"model = {{ known = [] }}\n{braces}", anew)
 
 
+def test_a_known_term_that_is_gone_is_named(tmp_path: Path) -> None:
+    """A little more than all of it may be missing, as both sizes are known to some percent."""
+    rows = ("stribeck", "Fs", 0.049, "N m"), ("stribeck", "vs", 8.0, "rad/s")
+
+    folder = records(tmp_path / "gone", lambda m: wheel.plain(m) + 0.05 * np.sign(m.speed), 4)
+    found = diagnosed(written(tmp_path, known(*rows)), folder)
+    assert found.verdict is Verdict.NAMED, [step.added for step in found.steps]
+    (cause,) = named_causes(found)
+    assert cause.identifier == "stribeck"
+    assert cause.remark == "beyond what the machine file knows, Fs = 0.049 N m, so that it is gone"
+    (size,) = next(term for term in found.case.library if term.key == "stribeck").beyond((0.05,)).amplitudes
+    assert size.bounds[0] == pytest.approx(-0.055)
+
+
 @slow
 def test_a_delay_is_known_as_a_distortion_of_what_the_rest_gives(tmp_path: Path) -> None:
     def late(m: Turning) -> Array:

@@ -78,7 +78,7 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
     noise = f"noise is {d.noise.noise.standard_deviation:.3g} {push}"
     if d.mismatch.found:
         rms = float(np.sqrt(np.mean(first.fitted.left(d.recorded) ** 2)))
-        places = ", ".join(place.name for place in d.mismatch.locations[:2])
+        places = "; and ".join(place.name for place in d.mismatch.locations[:2])
         where = f" It follows {places}." if places else ""
         yield SheetAnswer("What differs", (f"The balance is off by {rms:.3g} {push} rms; {noise}.{where}",), MODELS)
     else:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.free_run import LIMIT
 from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
-from pmg.pipeline.diagnosis.balance.library.term import EXCEEDED
+from pmg.pipeline.diagnosis.balance.library.term import EXCEEDED, GONE
 from pmg.pipeline.diagnosis.balance.library.two_torques import GAINS
 from pmg.pipeline.diagnosis.balance.titles import separating_test, titled
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
@@ -17,6 +17,7 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.diagnosis.balance.known_terms import SetTerm
 
 CONVERSIONS = {
     0.737562: "as if lbf ft were read as N m",
@@ -37,6 +38,9 @@ CONVERSIONS = {
 NEAR_FACTOR, CONVERTED = 0.03, 0.05
 """Part within which a factor is that of a conversion, and distance from 1 from which on one is thought of."""
 
+
+ONE_FORM = 0.2
+"""Part by which shapes of a term may differ for its known size and a change of it to be one size."""
 
 NEARLY_ALL = 0.95
 """Part of the mismatch from which on a term takes up all that the noise lets be told apart."""
@@ -139,7 +143,17 @@ def _beyond_known(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
         return ""
     sizes = zip(known.term.amplitudes, known.amplitudes, strict=True)
     told = ", ".join(size_of(quantity.name, float(value), None, quantity.unit) for quantity, value in sizes)
-    return f"beyond what the machine file knows, {told}"
+    return f"beyond what the machine file knows, {told}{_in_all(known, fit)}"
+
+
+def _in_all(known: SetTerm, fit: TermFit) -> str:
+    """A size with what was known of it, where the two are of one form; empty elsewhere."""
+    one_form = np.isnan(known.shape) or abs(fit.shape / known.shape - 1.0) < ONE_FORM
+    if len(fit.amplitudes) > 1 or not one_form:
+        return ""
+    (quantity,), (was,), (more,) = fit.candidate.amplitudes, known.amplitudes, fit.amplitudes
+    now = size_of(quantity.name, float(was + more), None, quantity.unit)
+    return f", so that it is {'gone' if abs(was + more) <= GONE * abs(was) else f'now {now}'}"
 
 
 def _once_a_turn(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
