@@ -233,6 +233,21 @@ def test_an_order_of_a_turn_is_among_the_periods_of_a_long_travel(order: float) 
     assert nearest < 0.2 / (recorded.motion.position[-1] / (2.0 * np.pi)), "within a fifth of a cycle over the travel"
 
 
+def test_cogging_that_passes_the_filter_only_where_a_machine_is_slow_is_named(tmp_path: Path) -> None:
+    """Forty waves a turn are faster than the low-pass of 40 Hz for most of the time."""
+    period = 2.0 * np.pi / 40.0
+    path = wheel.make_case(
+        tmp_path,
+        lambda m: wheel.plain(m) + 0.05 * np.sin(2.0 * np.pi * m.angle / period),
+        channels=f"{wheel.ANGLE}\n{wheel.TORQUE}",
+    )
+    d = diagnosed(path)
+    assert [step.added for step in d.steps[1:]] == ["position_ripple"]
+    fit = d.steps[-1].fitted.fits[-1]
+    assert fit.shape == pytest.approx(period, rel=1e-3)
+    assert np.hypot(*fit.amplitudes) == pytest.approx(0.05, rel=0.05)
+
+
 # --- what is found in the data, not declared ---------------------------------------------------------------
 
 

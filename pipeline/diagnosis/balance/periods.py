@@ -19,8 +19,10 @@ PER_CYCLE = 3.0
 MOST, MOST_VALUES = 1500, 1_200_000
 """Periods that are tabled at most, and samples of the regression times periods."""
 
-PER_PERIOD, SLOW = 4.0, 0.25
-"""Samples of the regression that a period must have, at the speed that this part of the moving samples stays below."""
+PER_PERIOD, SLOW = 2.0, 0.1
+"""Samples of the regression that a period must have, at the speed that this part of the moving samples stays below:
+columns pass the same filter as the force, so that where the machine is faster a wave is in neither of them, and a tenth
+of the samples tells a strong one."""
 
 PER_BIN, MOST_BINS = 8.0, 2**22
 """Bins of position in the shortest period, and bins at most."""
