@@ -14,7 +14,7 @@ from tests.slow import slow
 
 from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
 from pmg.pipeline.commands.machines.terms import WITH_CAUSE, run_machine
-from pmg.pipeline.diagnosis.balance.causes import named_causes
+from pmg.pipeline.diagnosis.balance.causes import _beside_tolerance, named_causes
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import terms_lines
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
@@ -266,5 +266,14 @@ def test_a_gain_that_changed_beside_one_that_is_known_goes_into_no_file(tmp_path
     assert {each.term.key for each in case.stated} == {"input_torque_gain"}
     found = diagnose_terms(case, *read_recordings(case), np.random.default_rng(1))
     (cause,) = (each for each in named_causes(found) if each.identifier == "input_torque_gain")
-    assert "beyond what the machine file knows, g = 0.05" in cause.remark
+    assert "times its tolerance of 0.20%; beyond what the machine file knows, g = 0.05, so that" in cause.remark
     assert with_cause(machine.read_text(), found) == ""
+
+
+@pytest.mark.parametrize(
+    ("gain", "words"), [(0.0015, ", within its tolerance of 0.20%"), (0.05, ", 25 times its tolerance of 0.20%")]
+)
+def test_a_gain_is_told_beside_the_tolerance_that_is_stated(gain: float, words: str) -> None:
+    assert _beside_tolerance("input_torque_gain", gain, 0.002) == words
+    assert _beside_tolerance("input_torque_gain", gain, None) == ""
+    assert _beside_tolerance("coulomb", gain, 0.002) == ""

@@ -91,6 +91,8 @@ class Case:
         Known gains of transducers: their channels are divided by them.
     tares, tare_errors : mapping of str to float
         Of channels that have one, what they show at rest with the drive off [SI]: it is taken out of them.
+    tolerances : mapping of str to float
+        Of gains of transducers, the half-width that is stated of their sensitivity.
     findings : tuple of Finding
         What was lost, or found, in reading `zero`.
     """
@@ -117,6 +119,7 @@ class Case:
     gains: tuple[SetTerm, ...] = ()
     tares: Mapping[str, float] = field(default_factory=dict)
     tare_errors: Mapping[str, float] = field(default_factory=dict)
+    tolerances: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
 
     @property

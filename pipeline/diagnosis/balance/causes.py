@@ -132,6 +132,7 @@ def _cause(diagnosis: TermsDiagnosis, fit: TermFit, group: int, shared: frozense
 def _remark(diagnosis: TermsDiagnosis, fit: TermFit, gain: float) -> str:
     """What a size means; empty where there is nothing to add."""
     factor = _factor(fit.identifier, gain, diagnosis.case.axis.factor)
+    factor += _beside_tolerance(fit.identifier, gain, diagnosis.case.tolerances.get(fit.identifier))
     beyond = _beyond_known(diagnosis, fit)
     return "; ".join(filter(None, (factor, beyond))) or _once_a_turn(diagnosis, fit) or _limit(diagnosis, fit)
 
@@ -154,6 +155,15 @@ def _in_all(known: SetTerm, fit: TermFit) -> str:
     (quantity,), (was,), (more,) = fit.candidate.amplitudes, known.amplitudes, fit.amplitudes
     now = size_of(quantity.name, float(was + more), None, quantity.unit)
     return f", so that it is {'gone' if abs(was + more) <= GONE * abs(was) else f'now {now}'}"
+
+
+def _beside_tolerance(identifier: str, gain: float, tolerance: float | None) -> str:
+    """A gain of a transducer beside what is stated of its sensitivity; empty where nothing is."""
+    if not tolerance or identifier not in GAINS:
+        return ""
+    times = abs(GAINS[identifier](gain) - 1.0) / tolerance
+    within = f"within its tolerance of {tolerance:.2%}"
+    return f", {within}" if times <= 1.0 else f", {times:.2g} times its tolerance of {tolerance:.2%}"
 
 
 def _once_a_turn(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
