@@ -17,6 +17,7 @@ from pmg.pipeline.commands.machines.terms import WITH_CAUSE, run_machine
 from pmg.pipeline.diagnosis.balance.causes import _beside_tolerance, named_causes
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import terms_lines
+from pmg.pipeline.diagnosis.balance.known_terms import beside_known
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.machine.with_cause import with_cause
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
@@ -125,7 +126,7 @@ def test_a_known_term_that_is_gone_is_named(tmp_path: Path) -> None:
     (cause,) = named_causes(found)
     assert cause.identifier == "stribeck"
     assert cause.remark == "beyond what the machine file knows, Fs = 0.049 N m, so that it is gone"
-    (size,) = next(term for term in found.case.library if term.key == "stribeck").beyond((0.05,)).amplitudes
+    (size,) = beside_known(next(term for term in found.case.library if term.key == "stribeck"), (0.05,)).amplitudes
     assert size.bounds[0] == pytest.approx(-0.055)
 
 

@@ -93,6 +93,8 @@ class Case:
         Of channels that have one, what they show at rest with the drive off [SI]: it is taken out of them.
     tolerances : mapping of str to float
         Of gains of transducers, the half-width that is stated of their sensitivity.
+    nominal : mapping of str to float
+        Of channels of transducers, their nominal value [N, N m].
     findings : tuple of Finding
         What was lost, or found, in reading `zero`.
     """
@@ -120,6 +122,7 @@ class Case:
     tares: Mapping[str, float] = field(default_factory=dict)
     tare_errors: Mapping[str, float] = field(default_factory=dict)
     tolerances: Mapping[str, float] = field(default_factory=dict)
+    nominal: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
 
     @property

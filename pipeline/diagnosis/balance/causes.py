@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.free_run import LIMIT
+from pmg.pipeline.diagnosis.balance.known_terms import GONE
 from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
-from pmg.pipeline.diagnosis.balance.library.term import EXCEEDED, GONE
+from pmg.pipeline.diagnosis.balance.library.term import EXCEEDED
 from pmg.pipeline.diagnosis.balance.library.two_torques import GAINS
 from pmg.pipeline.diagnosis.balance.titles import separating_test, titled
 from pmg.pipeline.diagnosis.engine.verdict import Verdict

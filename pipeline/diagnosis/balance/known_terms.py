@@ -19,6 +19,11 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
+GONE = 0.1
+"""Part of a known amplitude by which a change may exceed it: both are known to some percent, and one that is gone
+altogether would else stand on a bound."""
+
+
 @dataclass(frozen=True)
 class SetTerm:
     """A term with its numbers.
@@ -61,6 +66,13 @@ class _AskedReferences(dict[str, float]):
     def get(self, name: str, default: Any = None) -> Any:  # noqa: ANN401 - as a dict has it
         self.names.add(name)
         return super().get(name, default)
+
+
+def beside_known(term: Term[Motion], known: Sequence[float]) -> Term[Motion]:
+    """A term beside amplitudes of it that are known: what they may be off by, all of it and `GONE` included."""
+    pairs = zip(term.amplitudes, known, strict=True)
+    left = (replace(q, bounds=(q.bounds[0] - size - GONE * abs(size), q.bounds[1] - size)) for q, size in pairs)
+    return replace(term, amplitudes=tuple(left))
 
 
 def of_its_recordings(term: Term[Motion], motion: Motion, shape: float) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
 from pmg.pipeline.diagnosis.balance.estimate import design_of, for_search
 from pmg.pipeline.diagnosis.balance.fitting import tabulate, term_problem
+from pmg.pipeline.diagnosis.balance.known_terms import beside_known
 from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
 from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
@@ -81,7 +82,7 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
             term = term.in_each(len(recorded.motion.starts))
         sizes = known.get(term.key)
         if sizes is not None and not term.whole:
-            terms.append(term.beyond(sizes))
+            terms.append(beside_known(term, sizes))
         elif term.identifier not in case.baseline:
             terms.append(term)
     return tuple(terms)

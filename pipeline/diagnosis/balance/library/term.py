@@ -185,10 +185,6 @@ class Quantity:
         return self.bounds[0] == self.bounds[1]
 
 
-GONE = 0.1
-"""Part of a known amplitude by which a change may exceed it: both are known to some percent, and one that is gone
-altogether would else stand on a bound."""
-
 M = TypeVar("M")
 
 
@@ -265,12 +261,6 @@ class Term(Generic[M]):
             return self
         own = [replace(q, name=f"{q.name}{k}") for k in range(1, recordings + 1) for q in self.amplitudes]
         return replace(self, amplitudes=tuple(own))
-
-    def beyond(self, known: tuple[float, ...]) -> Term[M]:
-        """The same beside amplitudes that are known: what they may be off by, all of it and `GONE` included."""
-        pairs = zip(self.amplitudes, known, strict=True)
-        left = (replace(q, bounds=(q.bounds[0] - size - GONE * abs(size), q.bounds[1] - size)) for q, size in pairs)
-        return replace(self, amplitudes=tuple(left))
 
     @property
     def whole(self) -> bool:

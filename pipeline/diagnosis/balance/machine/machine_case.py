@@ -105,17 +105,17 @@ def case_of(machine: Machine, records: Path) -> Case:
         shaft=main.name,
         second=second if two else None,
         zero=zero,
-        tolerances=_tolerances(ends) if two else {},
+        tolerances=_of_transducers(ends, "tolerance", ("input_torque_gain", "output_torque_gain")) if two else {},
+        nominal=_of_transducers(ends if two else (main,), "nominal", ("force", f"{OUTPUT}force")),
     )
     case = _with_gains(case, machine)
     return with_zero(case, machine.file) if zero else case
 
 
-def _tolerances(ends: tuple[MachineShaft, ...]) -> dict[str, float]:
-    """What is stated of the sensitivity of each transducer, by its gain."""
-    stated = (end.numbers.get("transducer.tolerance") for end in ends)
-    gains = ("input_torque_gain", "output_torque_gain")
-    return {gain: number.value for gain, number in zip(gains, stated, strict=True) if number is not None}
+def _of_transducers(ends: tuple[MachineShaft, ...], key: str, names: tuple[str, ...]) -> dict[str, float]:
+    """What is stated of the transducer of each shaft, by a name for each."""
+    stated = (end.numbers.get(f"transducer.{key}") for end in ends)
+    return {name: number.value for name, number in zip(names, stated, strict=False) if number is not None}
 
 
 def _with_gains(case: Case, machine: Machine) -> Case:

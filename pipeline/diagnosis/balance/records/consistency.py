@@ -29,6 +29,9 @@ SPEED_TOLD = 2e-3
 LIMIT_TOLD, LIMIT_RUN = 0.002, 5
 """Part of the samples that stand at the largest or smallest value, and how many of them in a row, that are told."""
 
+OVERLOAD = 1.2
+"""Part of the nominal value of a transducer from which on it is told to be overloaded."""
+
 WRONG_UNITS = {
     1.0 / RPM: "as if rpm were read as rad/s",
     RPM: "as if rad/s were read as rpm",
@@ -95,6 +98,26 @@ def check_limits(values: Mapping[str, Array], findings: Findings) -> None:
                 f"it stands at its {name} value, {value:.4g} N or N m, in {100.0 * share:.1f} % of the samples",
                 "A drive at its limit, or a reading that is clipped: what acts there is not what is recorded.",
             )
+
+
+def check_nominal(values: Mapping[str, Array], nominal: Mapping[str, float], findings: Findings) -> None:
+    """Tell a torque or force beyond what its transducer is made for.
+
+    Parameters
+    ----------
+    values : mapping of str to (n,) array
+        Channels in SI.
+    nominal : mapping of str to float
+        Nominal value of the transducer of a channel [N, N m].
+    findings : Findings
+        Receives the largest value.
+    """
+    for kind, most in nominal.items():
+        largest = float(np.abs(values[kind]).max()) if kind in values else 0.0
+        if largest > OVERLOAD * most:
+            message = f"up to {largest:.4g} N or N m, on a transducer of {most:.4g}"
+            do = "Correct the unit, the factor or the channel; a transducer that was overloaded is calibrated anew."
+            findings.warning(Code.CHANNEL_VALUE, kind, message, do)
 
 
 def check_known(name: str, motion: Motion, case: Case) -> None:

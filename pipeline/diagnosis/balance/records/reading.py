@@ -18,7 +18,7 @@ from pmg.pipeline.diagnosis.balance.library.term import (
     Motion,
 )
 from pmg.pipeline.diagnosis.balance.records.clock_of import clock_of
-from pmg.pipeline.diagnosis.balance.records.consistency import check_limits, check_motion
+from pmg.pipeline.diagnosis.balance.records.consistency import check_limits, check_motion, check_nominal
 from pmg.pipeline.diagnosis.balance.records.lags import with_lags
 from pmg.pipeline.diagnosis.balance.records.recorded import REST, inertia_of, joined, with_known
 from pmg.pipeline.diagnosis.balance.records.row_noise import noise_of_steps, with_row_noise
@@ -224,6 +224,7 @@ def _moved(
     drop = _dropped(smoother, case)
     check_motion(values, smoother, findings)
     check_limits(values, findings)
+    check_nominal(values, case.nominal, findings)
     besides = {key: values[key] for key in (TEMPERATURE,) if key in values}
     if case.ratio is not None:
         values, load = second_shaft(values, case, findings)

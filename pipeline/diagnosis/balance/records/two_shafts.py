@@ -17,6 +17,12 @@ if TYPE_CHECKING:
 RATIO_TOLD = 2e-3
 """Part by which the measured ratio of speeds may differ from the one that is stated before it is told."""
 
+UPSIDE_DOWN = 0.05
+"""Part by which a measured ratio of speeds may differ from the inverse of the stated one to be told as that."""
+
+EXCHANGED = 0.2
+"""Part of what two torques leave of their balance, below which they are told that leave it when exchanged."""
+
 SAME_SIGN = 0.5
 """Part of the product of both powers in which they have one sign, from which on the sign of a torque is doubted."""
 
@@ -52,6 +58,7 @@ def second_shaft(values: dict[str, Array], case: Case, findings: Findings) -> tu
             found[kind] = ratio * other
             findings.info(Code.CHANNEL_VALUE, kind, "taken from the output shaft, times the ratio", "Nothing to do.")
     first, second = values["force"], values[f"{OUTPUT}force"] / ratio
+    _check_exchanged(values["force"], values[f"{OUTPUT}force"], ratio, findings)
     _check_sign(found, first, second, findings)
     return found | {"force": first + second}, second
 
@@ -71,7 +78,23 @@ def _check_ratio(kind: str, one: Array, other: Array, ratio: float, findings: Fi
         kind,
         f"the input turns {measured:.5g} times as fast as the output, the gear's ratio is {ratio:.5g}: "
         f"{100.0 * off:+.2f} %",
-        "Correct the ratio, the counts per turn or a unit; or the gear slips.",
+        "Correct the ratio, the counts per turn or a unit; or the gear slips."
+        if abs(measured * ratio - 1.0) >= UPSIDE_DOWN
+        else f"It stands upside down: speed of the input over that of the output is {1.0 / ratio:.5g}.",
+    )
+
+
+def _check_exchanged(first: Array, second: Array, ratio: float, findings: Findings) -> None:
+    """Tell two torques that balance far better when each is taken for the other."""
+    left, exchanged = (float(np.mean(each**2)) for each in (first + second / ratio, second + first / ratio))
+    if exchanged >= EXCHANGED**2 * left:
+        return
+    findings.warning(
+        Code.CHANNEL_VALUE,
+        "torque",
+        f"the torques of input and output balance to {np.sqrt(left):.3g} N m rms, exchanged to "
+        f"{np.sqrt(exchanged):.3g} N m rms",
+        "Exchange the channels of the two torques, or correct the ratio.",
     )
 
 
