@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.balance.test_known_terms import MACHINE, diagnosed, dragging, records, written
 
-from pmg.pipeline.chapters.explained.free_run import free_run_sections
+from pmg.pipeline.chapters.explained.free_run import _further_off, free_run_sections
 from pmg.pipeline.diagnosis.balance.decide import with_free_runs
 from pmg.pipeline.diagnosis.balance.free_run import free_run
 from pmg.pipeline.diagnosis.balance.known_terms import SetTerm
@@ -19,9 +20,12 @@ from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import Motion
 from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.machine.axis import ROTARY
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
 
 RATE, MASS = 1000.0, 90.0
 TERMS = {term.identifier: term for term in DRIVE}
@@ -106,3 +110,17 @@ def test_a_withheld_part_of_a_recording_has_a_curve_of_its_own(tmp_path: Path) -
     assert {run.model for run in found.free_runs} >= {"baseline", "tried"}
     (section,) = free_run_sections(found)
     assert "one.csv, withheld part" in str(section)
+
+
+def test_a_named_model_that_drifts_further_is_explained() -> None:
+    """It is no refutation: an offset that nobody models outweighs all else over a long record."""
+
+    def told(*errors: tuple[str, str, float]) -> str:
+        runs = tuple(SimpleNamespace(model=model, record=record, error=error) for model, record, error in errors)
+        return _further_off(cast("TermsDiagnosis", SimpleNamespace(free_runs=runs, case=SimpleNamespace(axis=ROTARY))))
+
+    better = ("baseline", "a.csv", 3.0), ("named", "a.csv", 1.0)
+    assert told(*better) == ""
+    worse = told(*better, ("baseline", "b.csv", 3.0), ("named", "b.csv", 5.0))
+    assert worse.startswith(" In 1 of 2 records the named model drifts further")
+    assert told(("named", "a.csv", 3.0), ("refined", "a.csv", 2.0)) == ""
