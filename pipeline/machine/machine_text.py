@@ -38,7 +38,7 @@ def _lines(guess: MachineGuess) -> Iterator[str]:
         read = ", ".join(f"{key.replace('_', ' ')} {word}" for key, word in source.reading.items())
         yield f"# Read with {printable(read)}."
     yield f"schema = {quoted(MACHINE_SCHEMA)}"
-    yield f"title = {quoted(source.path.stem)}"
+    yield f"title = {quoted(source.path.stem)}  # of the report: put the name of the machine"
     yield f'{OPEN}source = ""  # of every number that names no other'
     shafts = guess.shafts
     if len(shafts) > 1:
@@ -75,6 +75,10 @@ def _shaft(guess: MachineGuess, shaft: str) -> Iterator[str]:
         unit = f"{axis.push}/A"
         yield from ("", f"[shaft.{shaft}.motor]")
         yield f'{OPEN}constant = {{ value = , unit = "{unit}", source = "" }}  # makes a {axis.pushes} of its current'
+    elif (shaft, "force") in guess.channels:
+        yield from ("", f"{OPEN}[shaft.{shaft}.transducer]")
+        yield f'{OPEN}nominal = {{ value = , unit = "{axis.push}", source = "" }}  # readings beyond it are told'
+        yield f'{OPEN}tolerance = {{ value = , unit = "%", source = "" }}  # of the reading; a gain is told beside it'
     yield from ("", f"[shaft.{shaft}.channel]")
     for kind in ("position", "velocity", "force"):
         fitting = guess.channels.get((shaft, kind), ())

@@ -56,6 +56,15 @@ def test_a_gearbox_with_units_is_proposed_whole_and_its_file_is_read_as_it_is(tm
     assert table["gear"]["ratio"]["value"] == pytest.approx(gearbox.RATIO, rel=1e-3)
     assert table["shaft"]["output"]["channel"]["torque"]["sign"] == -1, "which counts what comes out"
     found, _ = read_recordings(case_of(read_machine(tmp_path / "machine.toml"), records))
+    completed = (
+        (tmp_path / "machine.toml").read_text(encoding="utf-8").replace(f'{OPEN}source = ""', 'source = "plate"')
+    )
+    for key, number in (("nominal", 20), ("tolerance", 0.2)):
+        completed = completed.replace(f"{OPEN}{key} = {{ value = ,", f"{key} = {{ value = {number},")
+    (tmp_path / "completed.toml").write_text(completed.replace(f"{OPEN}[", "["), encoding="utf-8")
+    whole = case_of(read_machine(tmp_path / "completed.toml"), records)
+    assert whole.nominal == {"force": 20.0, "output_force": 20.0}
+    assert whole.tolerances == pytest.approx({"input_torque_gain": 0.002, "output_torque_gain": 0.002})
     first.write_text(f"{head}\n{rows}")
     shipped = tmp_path / "shipped.toml"
     text = gearbox.SHIPPED.read_text().replace("low_pass_Hz = 20", "low_pass_Hz = 32")
