@@ -16,6 +16,10 @@ def test_what_all_sets_have_in_common_is_said_once() -> None:
         "1. A gain.",
         "2. A lag.",
     )
+    assert numbered([("a gap", "a gain", "a drift"), ("a drift", "a lag", "a gap")])[0] == (
+        "A gap together with a drift in any case; besides them, one of these."
+    )
+    assert numbered([("a gain", "a drift"), ("a drift", "a lag")], others=True)[0] == "1. A gain together with a drift."
     assert numbered([("a gain", "a drift"), ("a gap",)]) == ("1. A gain together with a drift.", "2. A gap.")
 
 

@@ -21,17 +21,20 @@ TOGETHER = " together with "
 """Between causes of one set."""
 
 
-def numbered(sets: Sequence[Sequence[str]]) -> tuple[str, ...]:
+def numbered(sets: Sequence[Sequence[str]], *, others: bool = False) -> tuple[str, ...]:
     """Sets of which one is the cause, a sentence each; what is in all of them is said first.
 
     Parameters
     ----------
     sets : sequence of sequence of str
         Names of the causes of each.
+    others : bool
+        Whether the cause may be none of them, so that nothing is common to all that may be.
     """
     common = [cause for cause in sets[0] if all(cause in each for each in sets)]
-    others = [[cause for cause in each if cause not in common] for each in sets]
-    if not common or len(sets) == 1 or not all(others):
+    rest = [[cause for cause in each if cause not in common] for each in sets]
+    if others or not common or len(sets) == 1 or not all(rest):
         return tuple(f"{i}. {capitalised(TOGETHER.join(each))}." for i, each in enumerate(sets, 1))
-    first = f"{capitalised(TOGETHER.join(common))} in any case; besides it, one of these."
-    return (first, *(f"{i}. {capitalised(TOGETHER.join(each))}." for i, each in enumerate(others, 1)))
+    beside = "them" if common[1:] else "it"
+    first = f"{capitalised(TOGETHER.join(common))} in any case; besides {beside}, one of these."
+    return (first, *(f"{i}. {capitalised(TOGETHER.join(each))}." for i, each in enumerate(rest, 1)))

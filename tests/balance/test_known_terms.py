@@ -267,12 +267,17 @@ def test_a_gain_that_changed_beside_one_that_is_known_goes_into_no_file(tmp_path
     assert {each.term.key for each in case.stated} == {"input_torque_gain"}
     found = diagnose_terms(case, *read_recordings(case), np.random.default_rng(1))
     (cause,) = (each for each in named_causes(found) if each.identifier == "input_torque_gain")
-    assert "times its tolerance of 0.20%; beyond what the machine file knows, g = 0.05, so that" in cause.remark
+    assert "off, far beyond its tolerance of 0.20%; beyond what the machine file knows, g = 0.05" in cause.remark
     assert with_cause(machine.read_text(), found) == ""
 
 
 @pytest.mark.parametrize(
-    ("gain", "words"), [(0.0015, ", within its tolerance of 0.20%"), (0.05, ", 25 times its tolerance of 0.20%")]
+    ("gain", "words"),
+    [
+        (0.0015, "0.15% off, within its tolerance of 0.20%"),
+        (0.005, "0.50% off, 2.5 times its tolerance of 0.20%"),
+        (8.0, "800.00% off, far beyond its tolerance of 0.20%"),
+    ],
 )
 def test_a_gain_is_told_beside_the_tolerance_that_is_stated(gain: float, words: str) -> None:
     assert _beside_tolerance("input_torque_gain", gain, 0.002) == words

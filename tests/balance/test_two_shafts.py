@@ -26,10 +26,10 @@ SPEED = 30.0 * np.sin(np.linspace(0.0, 20.0, 400))
 LOAD = 5.0 * np.sign(np.cos(np.linspace(0.0, 9.0, 400)))
 
 
-def told(ratio: float, first: np.ndarray, second: np.ndarray) -> str:
-    """All that is told of a machine with friction, that turns four times as fast at its input as at its output."""
+def told(ratio: float, first: np.ndarray, second: np.ndarray, true: float = RATIO) -> str:
+    """All that is told of a machine with friction, that turns so many times as fast at its input as at its output."""
     findings = Findings("made")
-    values = {"velocity": SPEED, "output_velocity": SPEED / RATIO, "force": first, "output_force": second}
+    values = {"velocity": SPEED, "output_velocity": SPEED / true, "force": first, "output_force": second}
     second_shaft(values, cast("Case", SimpleNamespace(ratio=ratio)), findings)
     return " ".join(f"{each.message} {each.do}" for each in findings.listed())
 
@@ -42,21 +42,27 @@ def test_torques_that_balance_when_exchanged_are_told() -> None:
     assert "Exchange the channels" in said
 
 
-def test_friction_alone_is_no_reason_to_exchange_torques() -> None:
-    assert "xchange" not in told(RATIO, LOAD, 0.0 * LOAD)
-    assert "xchange" not in told(RATIO, 0.0 * LOAD, LOAD)
+@pytest.mark.parametrize("ratio", [0.1, 1.0, RATIO, 10.0, 50.0])
+def test_friction_alone_is_no_reason_to_exchange_torques(ratio: float) -> None:
+    noise = 0.01 * RNG.standard_normal(len(LOAD))
+    assert "xchange" not in told(ratio, 0.5 * np.sign(SPEED), noise, ratio)
+    assert "xchange" not in told(ratio, noise, 0.5 * np.sign(SPEED), ratio)
 
 
 def test_a_ratio_upside_down_is_told_as_that() -> None:
     said = told(1.0 / RATIO, LOAD, -RATIO * LOAD)
     assert "upside down: speed of the input over that of the output is 4." in said
     assert "upside down" not in told(2.0 * RATIO, LOAD, -RATIO * LOAD)
+    for stated, true in ((1.0, 1.03), (1.02, 1.0)):
+        assert "upside down" not in told(stated, LOAD, -LOAD, true)
 
 
 @pytest.mark.parametrize(("most", "count"), [(5.0, 0), (4.0, 1)])
 def test_a_torque_beyond_its_transducer_is_told(most: float, count: int) -> None:
     findings = Findings("made")
-    check_nominal({"force": LOAD}, {"force": most, "output_force": 1.0}, findings)
+    spike = np.tile(LOAD, 5)
+    spike[7] = 100.0
+    check_nominal({"force": spike}, {"force": most, "output_force": 1.0}, "N m", findings)
     assert len(findings.listed()) == count
 
 
@@ -73,4 +79,4 @@ def test_a_machine_file_says_what_its_transducers_are_made_for(tmp_path: Path) -
     case = case_of(read_machine(small), folder)
     assert case.nominal != nominal
     found, _ = read_recordings(case)
-    assert any("on a transducer of 5" in each.message for each in found.findings)
+    assert any("on a transducer of 5 N m" in each.message for each in found.findings)

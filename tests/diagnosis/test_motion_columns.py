@@ -147,6 +147,13 @@ def test_a_steady_torque_is_known_as_well_as_the_noise_of_its_transducer_allows(
     assert seen
 
 
+def test_channels_that_show_one_value_all_the_time_have_rows_that_can_be_whitened(baseline: MotionBaseline) -> None:
+    first = baseline.stretches[0]
+    still = first.run.shafts.map(lambda shaft: replace(shaft, density=0.0, angle_density=0.0))
+    silent = replace(baseline, stretches=(replace(first, run=replace(first.run, shafts=still, common=0.0)),))
+    assert np.isfinite(row_noise(silent, 0).white(np.ones((len(first), 1)))).all()
+
+
 @pytest.mark.parametrize("off", [-1.2, 1.1])
 def test_a_fit_that_starts_far_off_does_not_turn_the_magnetic_spring_around(
     baseline: MotionBaseline, off: float

@@ -80,7 +80,7 @@ COVERING = """[...document.querySelectorAll('#flow .plot')].flatMap(plot => {
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("width", [1280, 1000, 800, 390])
 def test_no_label_of_a_power_flow_covers_another_or_an_area(tmp_path: Path, width: int, sign: float) -> None:
     stages = (("electric supply", 247.8), ("into the gearbox", 207.3), ("out of the gearbox", 147.6))
     losses = (("sun bearings", 25.1, 1), ("magnetic gear", 13.8, 1), ("ring bearings", 18.3, 1))

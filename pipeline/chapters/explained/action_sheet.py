@@ -108,7 +108,7 @@ def _answers(
         yield SheetAnswer("About", (f"What is left {uncapitalised(before).rstrip(': ')}.",))
     yield SheetAnswer("What differs", tuple(_difference(diagnosis)), "locations" * bool(diagnosis.mismatch.locations))
     if naming is not None and verdict is Verdict.AMBIGUOUS:
-        listed = numbered([each_cause(diagnosis, each) for each in _possible(diagnosis)])
+        listed = numbered([each_cause(diagnosis, each) for each in _possible(diagnosis)], others=diagnosis.weak)
         unknown = ("Or one that the catalogue does not have.",) if diagnosis.weak else ()
         yield SheetAnswer("Possible causes", (*listed, *unknown), "rivals" * bool(diagnosis.rivals))
     elif verdict is Verdict.NOT_IN_LIBRARY:
@@ -141,10 +141,11 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"Nothing beyond repeatability: the model predicts the torques of {points} to {u} mN m."
     elif diagnosis.refit is not None and diagnosis.naming is not None:
         fits = diagnosis.naming.best.fits
-        of_first = " if cause 1 is true" * (diagnosis.verdict is Verdict.AMBIGUOUS)
-        for fit in fits:
+        sets = [each_cause(diagnosis, each) for each in _possible(diagnosis)]
+        for fit, cause in zip(fits, sets[0], strict=True):
             side, what, size = torque_change(diagnosis, fit)
-            why = "" if len(fits) == 1 else f" by {uncapitalised(fit.candidate.kind.title)}{of_first}"
+            first = "" if all(cause in each for each in sets) else " if cause 1 is true"
+            why = "" if len(fits) == 1 else f" because of {uncapitalised(fit.candidate.kind.title)}{first}"
             yield f"The {side} {what} is off{why}: {size}{taken_up(diagnosis, fit)}"
     else:
         where, side = largest(diagnosis), diagnosis.mismatch.locations[0].signal.removeprefix("torque_")

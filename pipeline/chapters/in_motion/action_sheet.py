@@ -92,7 +92,7 @@ def _answers(
         "What differs", tuple(_difference(diagnosis, effects)), "locations" * bool(diagnosis.mismatch.locations)
     )
     if naming is not None and diagnosis.verdict is Verdict.AMBIGUOUS:
-        listed = numbered([each_cause(each) for each in (naming.best, *naming.rivals)])
+        listed = numbered([each_cause(e) for e in (naming.best, *naming.rivals)], others=diagnosis.weak)
         unknown = ("Or one that the catalogue does not have.",) if diagnosis.weak else ()
         yield SheetAnswer("Possible causes", (*listed, *unknown), "rivals")
     elif diagnosis.mismatch.found and diagnosis.verdict is Verdict.NOT_IN_LIBRARY:

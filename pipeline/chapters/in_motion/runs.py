@@ -40,6 +40,8 @@ def runs_section(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ...], sh
         "Torque as measured, and as predicted from the motion. Speed as measured, and as simulated from the torques. "
         f"Below, the torque that is missing {what}, as a mean over {SMOOTHED:g} s. The band holds 95 % of what noise "
         "makes. Pointing at one time shows it in all panels."
+        + " The run in which most is missing comes first."
+        * diagnosis.mismatch.found
     )
     numbers = {name: i for i, name in enumerate(by_run, 1)}
     missing = {name: max(map(_missing_most, of_run)) for name, of_run in by_run.items()}
@@ -105,8 +107,8 @@ def _figure(number: int, traces: list[TorqueTrace], shooting: Shooting, *, named
 
 
 def _missing_most(trace: TorqueTrace) -> float:
-    """Sum of squares of the torque that is missing without the cause, over its noise."""
-    return float(np.sum((trace.missing(trace.before) / trace.spread) ** 2))
+    """Mean square of the torque that is missing without the cause, over its noise."""
+    return float(np.mean((trace.missing(trace.before) / trace.spread) ** 2))
 
 
 def _rms(values: Array) -> float:

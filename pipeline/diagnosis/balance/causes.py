@@ -16,6 +16,8 @@ from pmg.pipeline.diagnosis.balance.titles import separating_test, titled
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.balance.known_terms import SetTerm
@@ -39,6 +41,9 @@ CONVERSIONS = {
 NEAR_FACTOR, CONVERTED = 0.03, 0.05
 """Part within which a factor is that of a conversion, and distance from 1 from which on one is thought of."""
 
+
+FAR = 20.0
+"""Tolerances from which on a gain is far beyond its own."""
 
 ONE_FORM = 0.2
 """Part by which shapes of a term may differ for its known size and a change of it to be one size."""
@@ -123,37 +128,38 @@ def _cause(diagnosis: TermsDiagnosis, fit: TermFit, group: int, shared: frozense
         titled(fit.candidate),
         group,
         ", ".join(parts),
-        _remark(diagnosis, fit, values[0]),
+        _remark(diagnosis, fit, values),
         float(np.sqrt(np.mean(effect**2))),
         separating_test(diagnosis, (fit.identifier,)),
         fit.identifier in shared,
     )
 
 
-def _remark(diagnosis: TermsDiagnosis, fit: TermFit, gain: float) -> str:
+def _remark(diagnosis: TermsDiagnosis, fit: TermFit, values: Sequence[float]) -> str:
     """What a size means; empty where there is nothing to add."""
+    gain = values[0]
     factor = _factor(fit.identifier, gain, diagnosis.case.axis.factor)
-    factor += _beside_tolerance(fit.identifier, gain, diagnosis.case.tolerances.get(fit.identifier))
-    beyond = _beyond_known(diagnosis, fit)
-    return "; ".join(filter(None, (factor, beyond))) or _once_a_turn(diagnosis, fit) or _limit(diagnosis, fit)
+    stated = _beside_tolerance(fit.identifier, gain, diagnosis.case.tolerances.get(fit.identifier))
+    beyond = _beyond_known(diagnosis, fit, values)
+    return "; ".join(filter(None, (factor, stated, beyond))) or _once_a_turn(diagnosis, fit) or _limit(diagnosis, fit)
 
 
-def _beyond_known(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
-    """What a size of a term is beside what the machine file knows of it; empty where it knows nothing."""
+def _beyond_known(diagnosis: TermsDiagnosis, fit: TermFit, values: Sequence[float]) -> str:
+    """What the parameters of a term are beside what the machine file knows of it; empty where it knows nothing."""
     known = next((each for each in diagnosis.case.stated if each.term.key == fit.candidate.key), None)
     if known is None:
         return ""
     sizes = zip(known.term.amplitudes, known.amplitudes, strict=True)
     told = ", ".join(size_of(quantity.name, float(value), None, quantity.unit) for quantity, value in sizes)
-    return f"beyond what the machine file knows, {told}{_in_all(known, fit)}"
+    return f"beyond what the machine file knows, {told}{_in_all(known, values)}"
 
 
-def _in_all(known: SetTerm, fit: TermFit) -> str:
-    """A size with what was known of it, where the two are of one form; empty elsewhere."""
-    one_form = np.isnan(known.shape) or abs(fit.shape / known.shape - 1.0) < ONE_FORM
-    if len(fit.amplitudes) > 1 or not one_form:
+def _in_all(known: SetTerm, values: Sequence[float]) -> str:
+    """A size with what was known of it, where the two add up and are of one form; empty elsewhere."""
+    one_form = np.isnan(known.shape) or abs(values[-1] / known.shape - 1.0) < ONE_FORM
+    if len(known.amplitudes) > 1 or not one_form or known.term.of_model or known.term.identifier in GAINS:
         return ""
-    (quantity,), (was,), (more,) = fit.candidate.amplitudes, known.amplitudes, fit.amplitudes
+    (quantity,), (was,), more = known.term.amplitudes, known.amplitudes, values[0]
     now = size_of(quantity.name, float(was + more), None, quantity.unit)
     return f", so that it is {'gone' if abs(was + more) <= GONE * abs(was) else f'now {now}'}"
 
@@ -162,9 +168,9 @@ def _beside_tolerance(identifier: str, gain: float, tolerance: float | None) -> 
     """A gain of a transducer beside what is stated of its sensitivity; empty where nothing is."""
     if not tolerance or identifier not in GAINS:
         return ""
-    times = abs(GAINS[identifier](gain) - 1.0) / tolerance
-    within = f"within its tolerance of {tolerance:.2%}"
-    return f", {within}" if times <= 1.0 else f", {times:.2g} times its tolerance of {tolerance:.2%}"
+    off = abs(GAINS[identifier](gain) - 1.0)
+    times = "within" if off <= tolerance else "far beyond" if off > FAR * tolerance else f"{off / tolerance:.2g} times"
+    return f"{off:.2%} off, {times} its tolerance of {tolerance:.2%}"
 
 
 def _once_a_turn(diagnosis: TermsDiagnosis, fit: TermFit) -> str:

@@ -100,8 +100,8 @@ def check_limits(values: Mapping[str, Array], findings: Findings) -> None:
             )
 
 
-def check_nominal(values: Mapping[str, Array], nominal: Mapping[str, float], findings: Findings) -> None:
-    """Tell a torque or force beyond what its transducer is made for.
+def check_nominal(values: Mapping[str, Array], nominal: Mapping[str, float], unit: str, findings: Findings) -> None:
+    """Tell a torque or force beyond what its transducer is made for, for longer than a few samples.
 
     Parameters
     ----------
@@ -109,13 +109,16 @@ def check_nominal(values: Mapping[str, Array], nominal: Mapping[str, float], fin
         Channels in SI.
     nominal : mapping of str to float
         Nominal value of the transducer of a channel [N, N m].
+    unit : str
+        Of both.
     findings : Findings
-        Receives the largest value.
+        Receives what is exceeded in `LIMIT_TOLD` of the samples.
     """
     for kind, most in nominal.items():
-        largest = float(np.abs(values[kind]).max()) if kind in values else 0.0
-        if largest > OVERLOAD * most:
-            message = f"up to {largest:.4g} N or N m, on a transducer of {most:.4g}"
+        reached = float(np.quantile(np.abs(values[kind]), 1.0 - LIMIT_TOLD)) if kind in values else 0.0
+        if reached > OVERLOAD * most:
+            message = f"{reached:.4g} {unit} is exceeded in {LIMIT_TOLD:.1%} of the samples, on a transducer of "
+            message += f"{most:.4g} {unit}"
             do = "Correct the unit, the factor or the channel; a transducer that was overloaded is calibrated anew."
             findings.warning(Code.CHANNEL_VALUE, kind, message, do)
 

@@ -224,7 +224,7 @@ def _moved(
     drop = _dropped(smoother, case)
     check_motion(values, smoother, findings)
     check_limits(values, findings)
-    check_nominal(values, case.nominal, findings)
+    check_nominal(values, case.nominal, case.axis.push, findings)
     besides = {key: values[key] for key in (TEMPERATURE,) if key in values}
     if case.ratio is not None:
         values, load = second_shaft(values, case, findings)

@@ -21,7 +21,8 @@ UPSIDE_DOWN = 0.05
 """Part by which a measured ratio of speeds may differ from the inverse of the stated one to be told as that."""
 
 EXCHANGED = 0.2
-"""Part of what two torques leave of their balance, below which they are told that leave it when exchanged."""
+"""Part of either torque, and of what the two leave of their balance, below which they are told that leave it when
+exchanged."""
 
 SAME_SIGN = 0.5
 """Part of the product of both powers in which they have one sign, from which on the sign of a torque is doubted."""
@@ -79,15 +80,17 @@ def _check_ratio(kind: str, one: Array, other: Array, ratio: float, findings: Fi
         f"the input turns {measured:.5g} times as fast as the output, the gear's ratio is {ratio:.5g}: "
         f"{100.0 * off:+.2f} %",
         "Correct the ratio, the counts per turn or a unit; or the gear slips."
-        if abs(measured * ratio - 1.0) >= UPSIDE_DOWN
+        if abs(measured * ratio - 1.0) >= min(UPSIDE_DOWN, 0.1 * abs(off))
         else f"It stands upside down: speed of the input over that of the output is {1.0 / ratio:.5g}.",
     )
 
 
 def _check_exchanged(first: Array, second: Array, ratio: float, findings: Findings) -> None:
     """Tell two torques that balance far better when each is taken for the other."""
-    left, exchanged = (float(np.mean(each**2)) for each in (first + second / ratio, second + first / ratio))
-    if exchanged >= EXCHANGED**2 * left:
+    left, exchanged, *parts = (
+        float(np.mean(each**2)) for each in (first + second / ratio, second + first / ratio, second, first / ratio)
+    )
+    if exchanged >= EXCHANGED**2 * min(left, *parts):
         return
     findings.warning(
         Code.CHANNEL_VALUE,

@@ -31,7 +31,10 @@ Where an inertia turns the steps of an encoder into torque, most of the variance
 a part of that would drown what a torque tells at the lower."""
 
 IN_BAND = 0.85
-"""Part of the cut-off up to which the low-pass of the rows is flat."""
+"""Part of the cut-off up to which the low-pass of the rows takes less than 1 dB."""
+
+QUIETEST = 1e-5
+"""Least standard deviation of the white part [N m]: a channel that shows one value all the time has no noise to see."""
 
 
 REACTION = 0.05
@@ -144,7 +147,7 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
         whole = np.correlate(one, another, "full")[len(value) - 1 :: step]
         correlation[: len(whole)] += 0.5 * run.run.rate * density * whole
     bounded = correlation.copy()
-    bounded[0] += (floor := FLOOR * _least_density(correlation, run.row_rate))
+    bounded[0] += (floor := max(FLOOR * _least_density(correlation, run.row_rate), QUIETEST**2))
     at = np.flatnonzero(stretch.rows)
     banded = np.zeros((length, len(at)))
     for lag in range(min(length, len(at))):
