@@ -67,13 +67,13 @@ RECORD = {
 
 
 IN_MOTION = {
-    "named": TrackRecord("a cause named", "The cause named was right", 63, 69),
-    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 4, 4),
+    "named": TrackRecord("a cause named", "The cause named was right", 61, 62),
+    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 5, 5),
     "weak": TrackRecord(
-        "a difference too weak to name its cause, or none proved", "The truth was among those given", 20, 21
+        "a difference too weak to name its cause, or none proved", "The truth was among those given", 22, 23
     ),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "The cause was unknown or the closest", 25, 28
+        "no known cause given, with those that come near", "The cause was unknown or the closest", 24, 27
     ),
 }
 """The same of runs in motion, from the trial of 240 campaigns in ``pipeline/trials/motion/README.md``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, cast
 
@@ -9,10 +10,13 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.engine.withheld import Withholding
+from pmg.pipeline.diagnosis.motion.constants import start_name
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 from pmg.pipeline.recording.run_records import Manoeuvre
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
@@ -31,14 +35,58 @@ QUIETEST = 0.8
 
 
 @dataclass(frozen=True)
+class Starts:
+    """Rows freed from the pole angle at which each engaged run begins, which no other run tells.
+
+    Parameters
+    ----------
+    rows : tuple of (r,) array of int
+        Rows of each engaged run.
+    normals : tuple of (r,) array
+        Unit normals of reflections, each of which brings what the angle does into the first of its rows.
+    """
+
+    rows: tuple[npt.NDArray[np.int64], ...]
+    normals: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, columns: Array) -> Starts:
+        """Of what each angle does (m, r)."""
+        rows, normals = [], []
+        for column in columns.T:
+            at = np.flatnonzero(column)
+            if not len(at):
+                continue
+            along = column[at] / np.linalg.norm(column[at])
+            along[0] += math.copysign(1.0, along[0])
+            rows.append(at)
+            normals.append(along / np.linalg.norm(along))
+        return cls(tuple(rows), tuple(normals))
+
+    @property
+    def first(self) -> npt.NDArray[np.int64]:
+        """Row of each run that holds the angle and nothing else (e,)."""
+        return np.array([at[0] for at in self.rows], dtype=np.int64)
+
+    def freed(self, columns: Array) -> Array:
+        """Columns (m, ...) reflected; zero where the angles are."""
+        found = columns.copy()
+        for at, normal in zip(self.rows, self.normals, strict=True):
+            found[at] -= 2.0 * np.multiply.outer(normal, normal @ found[at])
+        found[self.first] = 0.0
+        return found
+
+
+@dataclass(frozen=True)
 class WithheldRuns(Withholding[TermFit, TermProblem]):
-    """Rows of a campaign as they are withheld, by kind of run."""
+    """Rows of a campaign as they are withheld, by kind of run, freed from the `starts` of each run."""
 
     problem: TermProblem
     constants: Array
     of_sheet: Mask
     held: Mask
     sheet: DataSheet
+    starts: Starts
     noun = "mechanism was"
     folds: ClassVar[int] = NEVER
 
@@ -57,15 +105,15 @@ class WithheldRuns(Withholding[TermFit, TermProblem]):
 
     def free_form(self, fits: tuple[TermFit, ...]) -> Array:
         """Columns (m, k) along which the laws of fits may bend."""
-        return np.hstack([bent_columns(self.problem, fit) for fit in fits])
+        return self.starts.freed(np.hstack([bent_columns(self.problem, fit) for fit in fits]))
 
     def _columns(self, fit: TermFit) -> Array:
         """Columns of a mechanism; of one that a data sheet is wrong about, the constants' own, free of the sheet."""
         names = cast("MotionTerm", fit.candidate).constants
         if names:
             columns = self.constants[:, [self.sheet.at(name) for name in names]]
-            return np.asarray(np.where(self.of_sheet[:, None], 0.0, columns))
-        return self.problem.columns_of(fit.candidate, fit.shape)
+            return self.starts.freed(np.where(self.of_sheet[:, None], 0.0, columns))
+        return self.starts.freed(self.problem.columns_of(fit.candidate, fit.shape))
 
     def touched(self, fits: tuple[TermFit, ...]) -> Mask:
         """Rows of every run that may be withheld; the reading of a held shaft, where a mechanism moves it."""
@@ -103,19 +151,25 @@ def _withheld(found: MotionEvidence, fits: tuple[TermFit, ...], folds: list[int]
     named = (name for term in terms for name in (*term.constants, *term.mimicked_by))
     wrong = sorted({sheet.at(name) for name in named})
     y = found.y + found.columns[:, wrong] @ (found.baseline.values - sheet.expected)[wrong]
+    angles = [sheet.at(start_name(name)) for name in {s.run.run.name for s in found.stretches if s.coupled}]
+    starts = Starts.of(found.columns[:, sorted(angles)])
+    fold = np.array([*folds, NEVER])[found.block]
+    fold[starts.first] = NEVER
+    columns = np.hstack([np.delete(found.columns, [*wrong, *angles], axis=1), found.granted])
     return WithheldRuns(
-        y=y,
-        columns=np.hstack([np.delete(found.columns, wrong, axis=1), found.granted]),
+        y=starts.freed(y),
+        columns=starts.freed(columns),
         constants=found.columns,
         of_sheet=found.of_sheet,
         held=(found.block >= len(found.baseline.stretches)) & ~found.of_sheet,
         sheet=sheet,
         scale=np.where(found.of_sheet, 1.0, max(found.quiet, QUIETEST)),
         block=found.block,
-        fold=np.array([*folds, NEVER])[found.block],
+        fold=fold,
         groups=[np.flatnonzero(found.block == k) for k in np.unique(found.block)],
         what=what,
         problem=found.problem,
+        starts=starts,
     )
 
 
