@@ -77,9 +77,9 @@ def _shaft(guess: MachineGuess, shaft: str) -> Iterator[str]:
         yield f'{OPEN}constant = {{ value = , unit = "{unit}", source = "" }}  # makes a {axis.pushes} of its current'
     elif (shaft, "force") in guess.channels:
         yield from ("", f"{OPEN}[shaft.{shaft}.transducer]")
-        yield f'{OPEN}nominal = {{ value = , unit = "{axis.push}", source = "" }}  # readings beyond it are told'
+        yield f'{OPEN}nominal = {{ value = , unit = "{axis.push}", source = "" }}  # a warning where readings exceed it'
         if all((one, "force") in guess.channels for one in guess.shafts) and len(guess.shafts) > 1:
-            yield f'{OPEN}tolerance = {{ value = , unit = "%", source = "" }}  # a gain is told beside it'
+            yield f'{OPEN}tolerance = {{ value = , unit = "%", source = "" }}  # a gain is compared with it'
     yield from ("", f"[shaft.{shaft}.channel]")
     for kind in ("position", "velocity", "force"):
         fitting = guess.channels.get((shaft, kind), ())

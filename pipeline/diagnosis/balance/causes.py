@@ -145,7 +145,7 @@ def _remark(diagnosis: TermsDiagnosis, fit: TermFit, values: Sequence[float]) ->
 
 
 def _beyond_known(diagnosis: TermsDiagnosis, fit: TermFit, values: Sequence[float]) -> str:
-    """What the parameters of a term are beside what the machine file knows of it; empty where it knows nothing."""
+    """Parameters of a term compared with those in the machine file; empty where it has none."""
     known = next((each for each in diagnosis.case.stated if each.term.key == fit.candidate.key), None)
     if known is None:
         return ""
@@ -165,7 +165,7 @@ def _in_all(known: SetTerm, values: Sequence[float]) -> str:
 
 
 def _beside_tolerance(identifier: str, gain: float, tolerance: float | None) -> str:
-    """A gain of a transducer beside what is stated of its sensitivity; empty where nothing is."""
+    """Error of a transducer's gain compared with its stated tolerance; empty where none is stated."""
     if not tolerance or identifier not in GAINS:
         return ""
     off = abs(GAINS[identifier](gain) - 1.0)

@@ -69,7 +69,7 @@ class _AskedReferences(dict[str, float]):
 
 
 def beside_known(term: Term[Motion], known: Sequence[float]) -> Term[Motion]:
-    """A term beside amplitudes of it that are known: what they may be off by, all of it and `GONE` included."""
+    """A term whose amplitudes are changes of known ones; a change may be all of it, and `GONE` more."""
     pairs = zip(term.amplitudes, known, strict=True)
     left = (replace(q, bounds=(q.bounds[0] - size - GONE * abs(size), q.bounds[1] - size)) for q, size in pairs)
     return replace(term, amplitudes=tuple(left))

@@ -151,8 +151,8 @@ def _withheld(found: MotionEvidence, fits: tuple[TermFit, ...], folds: list[int]
     named = (name for term in terms for name in (*term.constants, *term.mimicked_by))
     wrong = sorted({sheet.at(name) for name in named})
     y = found.y + found.columns[:, wrong] @ (found.baseline.values - sheet.expected)[wrong]
-    angles = [sheet.at(start_name(name)) for name in {s.run.run.name for s in found.stretches if s.coupled}]
-    starts = Starts.of(found.columns[:, sorted(angles)])
+    angles = sorted({sheet.at(start_name(s.run.run.name)) for s in found.stretches if s.coupled})
+    starts = Starts.of(found.columns[:, angles])
     fold = np.array([*folds, NEVER])[found.block]
     fold[starts.first] = NEVER
     columns = np.hstack([np.delete(found.columns, [*wrong, *angles], axis=1), found.granted])

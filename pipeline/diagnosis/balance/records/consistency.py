@@ -30,7 +30,7 @@ LIMIT_TOLD, LIMIT_RUN = 0.002, 5
 """Part of the samples that stand at the largest or smallest value, and how many of them in a row, that are told."""
 
 OVERLOAD = 1.2
-"""Part of the nominal value of a transducer from which on it is told to be overloaded."""
+"""Part of the nominal value of a transducer from which on there is a warning."""
 
 WRONG_UNITS = {
     1.0 / RPM: "as if rpm were read as rad/s",

@@ -18,11 +18,11 @@ RATIO_TOLD = 2e-3
 """Part by which the measured ratio of speeds may differ from the one that is stated before it is told."""
 
 UPSIDE_DOWN = 0.05
-"""Part by which a measured ratio of speeds may differ from the inverse of the stated one to be told as that."""
+"""Part by which a measured ratio of speeds may differ from the inverse of the stated one to count as that."""
 
 EXCHANGED = 0.2
-"""Part of either torque, and of what the two leave of their balance, below which they are told that leave it when
-exchanged."""
+"""There is a warning where exchanged torques balance to less than this part of either torque and of the balance as they
+stand."""
 
 SAME_SIGN = 0.5
 """Part of the product of both powers in which they have one sign, from which on the sign of a torque is doubted."""
