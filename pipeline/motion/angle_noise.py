@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,10 +34,37 @@ LEAST = 0.05
 """Least part of the noise of even steps that is taken."""
 
 
-def angle_density(
+PLACES = np.arange(11) / 11.0
+"""Parts of a count by which an angle is moved to see what its steps may be off for long: a prime number of them, so
+that they lie evenly within a half, a third or a tenth of a count, too."""
+
+HELD_PIECE = 1.0
+"""Time over which the mean of what steps are off is taken [s]."""
+
+HELD_LEAST = 3.0
+"""Standard deviation of that mean, over what steps without order leave of it, from which on it counts."""
+
+
+@dataclass(frozen=True)
+class HeldSteps:
+    """What the steps of an encoder may be off for long, where a speed is held.
+
+    Parameters
+    ----------
+    time : (q,) array
+        Middles of pieces of `HELD_PIECE` of the record [s].
+    spread : (q,) array
+        Standard deviation of the mean of what the steps are off over each [rad]; zero where they follow no order.
+    """
+
+    time: Array
+    spread: Array
+
+
+def angle_noise(
     angle: Array, count: float, rate: float, filters: tuple[Array, Array, Array], above: Callable[[Array, float], Mask]
-) -> float:
-    r"""Spectral density of an angle's noise in a band [rad2/Hz], one-sided.
+) -> tuple[float, HeldSteps]:
+    r"""Spectral density of an angle's noise in a band [rad2/Hz], one-sided, and what its steps are off for long.
 
     Parameters
     ----------
@@ -65,10 +93,11 @@ def angle_density(
     B. Widrow, I. Kollár, 'Quantization Noise', Cambridge University Press (2008), chapters 4 and 17.
     """
     low, curved, calm = filters
-    smooth = fftconvolve(angle, low, "valid")
+    smooth, began = fftconvolve(angle, low, "valid"), len(low) // 2
     moving = np.flatnonzero(np.abs(np.gradient(smooth)) * rate > CREEPING)
     if len(moving) and moving[-1] - moving[0] > 2 * len(curved):
-        angle, smooth = (part[moving[0] : moving[-1] + 1] for part in (angle[len(low) // 2 :], smooth))
+        angle, smooth = (part[moving[0] : moving[-1] + 1] for part in (angle[began:], smooth))
+        began += int(moving[0])
     smooth = without_small_waves(smooth, STILL * count, calm)
     again = [np.floor(smooth / count + offset) * count for offset in OFFSETS]
     even = count**2 / 6.0 / rate
@@ -82,7 +111,23 @@ def angle_density(
         return kept * of_steps + (1.0 - kept) * even + jitter
 
     jitter = float(brentq(lambda size: beside(size, outside) - seen, 0.0, seen)) if outside < seen else 0.0
-    return beside(jitter, inside)
+    return beside(jitter, inside), _held_steps(smooth, count, jitter * 0.5 * rate, rate, began / rate)
+
+
+def _held_steps(smooth: Array, count: float, variance: float, rate: float, began: float) -> HeldSteps:
+    """What the steps of a smooth angle from a time on may be off for long.
+
+    At a speed of a whole number of counts a sample, or of some samples, the steps are off by the same for as long as it
+    is held, and nothing in the record tells by how much: it depends on where the angle stands within a count.
+    `variance` is that of the jitter from sample to sample [rad2].
+    """
+    length = round(HELD_PIECE * rate)
+    pieces = len(smooth) // length
+    shaken = smooth[: pieces * length] + np.sqrt(variance) * np.random.default_rng(0).standard_normal(pieces * length)
+    off = [count * (np.floor(shaken / count + place) - place) - shaken for place in PLACES]
+    spread: Array = np.std([each.reshape(pieces, length).mean(axis=1) for each in off], axis=0, ddof=1)
+    time: Array = began + (np.arange(pieces) + 0.5) * length / rate
+    return HeldSteps(time, np.where(spread > HELD_LEAST * count / np.sqrt(12.0 * length), spread, 0.0))
 
 
 def without_small_waves(smooth: Array, size: float, calm: Array) -> Array:

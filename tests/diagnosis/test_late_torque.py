@@ -384,6 +384,7 @@ def test_rows_weighted_before_they_are_whitened_give_the_same_products(n: int, c
         0.0,
         "sun",
         SlowNoise(),
+        wander[:, :0],
         np.zeros(0),
         wander[:, :0],
     )

@@ -265,6 +265,17 @@ def test_the_wander_and_the_ripple_of_a_campaign_are_found(time: float, rest: in
     assert found.ripple[1] < 0.2 * ripple
 
 
+def test_few_runs_do_not_make_the_ripple_of_a_turn_small() -> None:
+    """Three runs, in phases of their own: in the median over many campaigns it scatters as much as it does."""
+    rng, ripple, found = np.random.default_rng(17), 4e-3, []
+    for _ in range(12):
+        runs = [_run(number, Manoeuvre.RAMP, _ramp(60.0, 8.0), rng) for number in range(3)]
+        shown = [ripple * np.sin(run.angle.sun + rng.uniform(0.0, 6.3)) for run in runs]
+        _, _, noise = fit_constants(tuple(map(_with_torque, runs, shown)), load_bench())
+        found.append(noise[0].slow_noise.ripple[0])
+    assert 0.85 * ripple < np.sqrt(2.0) * np.median(found) < 1.3 * ripple
+
+
 def test_waves_of_a_turn_are_named_with_their_size() -> None:
     runs = _campaign(22)
     unbalanced = tuple(_with_torque(run, 0.02 * np.cos(run.angle.sun)) for run in runs if run.turns.sun)

@@ -18,14 +18,16 @@ from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.noise.row_noise import row_noise
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
+from pmg.pipeline.motion.angle_noise import HeldSteps
 from pmg.pipeline.motion.lag import Lag
-from pmg.pipeline.motion.smooth import smooth
+from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft, smooth
 from pmg.pipeline.trials.motion.bench import draw_bench
 from pmg.pipeline.trials.motion.nature import MotionCase, measure_motion_case
 from pmg.pipeline.trials.motion.programme import MotionCampaign
 from pmg.pipeline.trials.motion.size import Scene
 from pmg.pipeline.trials.motion.strata import motion_strata
 from pmg.sim.bench import load_bench
+from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 from pmg.sim.signals import Array
 
 
@@ -145,6 +147,33 @@ def test_a_steady_torque_is_known_as_well_as_the_noise_of_its_transducer_allows(
         assert 0.9 < share * slow < 1.05, stretch.side
         seen += 1
     assert seen
+
+
+def test_steps_that_are_off_for_long_act_through_the_magnetic_spring_and_not_in_neutral(
+    baseline: MotionBaseline,
+) -> None:
+    spread, pull_out = PerShaft(1e-5, 3e-5), float(baseline.values[baseline.sheet.at("pull_out")])
+    poles, seen = baseline.sheet.poles, set()
+    for place, stretch in enumerate(baseline.stretches):
+        run, time = stretch.run, np.arange(0.5, stretch.run.time[-1])
+
+        def held(side: str, run: SmoothRun = run, time: Array = time) -> SmoothShaft:
+            return replace(run.shafts[side], held_steps=HeldSteps(time, np.full(len(time), spread[side])))
+
+        off = replace(stretch, run=replace(run, shafts=per_shaft(held)))
+        stretches = (*baseline.stretches[:place], off, *baseline.stretches[place + 1 :])
+        found = row_noise(replace(baseline, stretches=stretches), place).held
+        variance = np.sum(found**2, axis=1)
+        seen.add(stretch.coupled)
+        if not stretch.coupled:
+            assert not variance.any()
+            continue
+        of_angles = sum((poles[side] * spread[side]) ** 2 for side in SIDES)
+        on_piece = np.min(np.abs(run.row_time[stretch.rows][:, None] - time), axis=1) < 0.02
+        expected = (pull_out * poles[stretch.side]) ** 2 * of_angles
+        np.testing.assert_allclose(variance[on_piece], expected, rtol=0.05)
+        assert variance.max() < 1.01 * expected
+    assert seen == {True, False}
 
 
 def test_channels_that_show_one_value_all_the_time_have_rows_that_can_be_whitened(baseline: MotionBaseline) -> None:

@@ -26,7 +26,8 @@ def _noise(side: str, knots: np.ndarray) -> RowNoise:
     n = len(knots)
     factor = BandedFactor.of(cholesky_banded(np.ones((1, n)), lower=True))
     slow = SlowNoise(PerShaft(WANDER, Wander.of(2.0)))
-    return RowNoise(factor, np.zeros((n, 0)), np.zeros(0), np.ones(1), 0.0, side, slow, knots, np.eye(n))
+    none = np.zeros((n, 0))
+    return RowNoise(factor, none, np.zeros(0), np.ones(1), 0.0, side, slow, none, knots, np.eye(n))
 
 
 @given(st.floats(0.3, 5.0), st.floats(0.5, 200.0), st.integers(0, 30))

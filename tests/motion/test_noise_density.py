@@ -114,3 +114,29 @@ def test_a_rate_that_shows_no_noise_above_the_band_is_refused() -> None:
     still = np.zeros(4000)
     with pytest.raises(FitError, match="200 samples a second"):
         smooth(replace(_run(still, still), rate=200.0))
+
+
+def _held(counts: float, rng: np.random.Generator, jitter: float = 0.0) -> tuple[float, float]:
+    """Square of what steps are told to be off over a second at some counts a sample [counts2], and of what they are."""
+    true = (counts * np.arange(20000) + rng.uniform()) * COUNT
+    read = COUNT * np.floor((true + jitter * COUNT * rng.standard_normal(len(true))) / COUNT)
+    held = smooth(_run(WHITE * rng.standard_normal(len(true)), read)).shafts.sun.held_steps
+    assert held is not None
+    pieces = [slice(round(at * RATE) - 500, round(at * RATE) + 500) for at in held.time]
+    off = np.array([np.mean(read[piece] - true[piece]) / COUNT + 0.5 for piece in pieces])
+    return float(np.mean((held.spread / COUNT) ** 2)), float(np.mean(off**2))
+
+
+@pytest.mark.parametrize("part", [1, 2, 5])
+def test_what_steps_are_off_for_long_is_told_where_a_speed_is_held(part: int) -> None:
+    """At a whole number of counts a sample, or of two or five: steps that go on as one."""
+    rng = np.random.default_rng(12)
+    told, seen = np.mean([_held(50.0 + 1.0 / part + 1e-6, rng) for _ in range(60)], axis=0)
+    assert 0.75 < told / seen < 1.35
+    assert seen == pytest.approx(1.0 / 12.0 / part**2, rel=0.35)
+
+
+def test_steps_that_follow_no_order_or_that_jitter_hides_are_not_off_for_long() -> None:
+    rng = np.random.default_rng(13)
+    assert _held(50.3819660, rng)[0] == 0.0
+    assert _held(50.2, rng, jitter=0.3)[0] == 0.0

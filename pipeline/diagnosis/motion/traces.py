@@ -44,7 +44,7 @@ class TorqueTrace:
     correlation : (b,) array
         Covariance of the noise that the filters leave with as many rows later [(N m)2].
     slow : (n, k) array
-        Directions of wander and ripple, each as long as its standard deviation [N m].
+        Directions of wander, ripple and steps that are off for long, each as long as its standard deviation [N m].
     """
 
     stretch: RotorRows
@@ -148,7 +148,8 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     noise, scatter = diagnosis.evidence.noise, diagnosis.evidence.scatter
     found = []
     for place, stretch in enumerate(baseline.stretches):
-        slow, band = slow_spread(stretch, noise[place].slow_noise), scatter * noise[place].factor.band
+        slow = np.hstack([slow_spread(stretch, noise[place].slow_noise), noise[place].held])
+        band = scatter * noise[place].factor.band
         smooth, by_row = (_spread(stretch, band, slow, width) for width in (_width(stretch), 1))
         states = baseline.states[place], before.states[place]
         predicted = before.predicted(place), of_constants[place], after[place]

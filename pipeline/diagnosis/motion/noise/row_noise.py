@@ -10,6 +10,7 @@ from scipy.linalg import cholesky_banded
 
 from pmg.pipeline.diagnosis.motion.constants import RIPPLE
 from pmg.pipeline.diagnosis.motion.noise.wander import Wander, covariance_between, draw_wander
+from pmg.pipeline.motion.angle_noise import HELD_PIECE
 from pmg.pipeline.motion.banded import BandedFactor
 from pmg.pipeline.motion.smooth import BAND, row_weights
 from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
+    from pmg.pipeline.motion.angle_noise import HeldSteps
     from pmg.sim.signals import Array
 
 LONGEST = 3.0
@@ -85,6 +87,8 @@ class RowNoise:
         The shaft.
     slow_noise : SlowNoise
         Of which wander and ripple are.
+    held : (n, h) array
+        Directions of what steps of the encoders are off for long, each as long as its standard deviation [N m].
     knots : (q,) array
         Instants from which to which its wander goes straight [s since 1970].
     lines : (n, q) array
@@ -98,6 +102,7 @@ class RowNoise:
     floor: float
     side: str
     slow_noise: SlowNoise
+    held: Array
     knots: Array
     lines: Array
 
@@ -130,6 +135,7 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     run, side = stretch.run, stretch.side
     own, (value, curvature) = stretch.shaft, row_weights(run)
     sources, common = [(own.density, value, value)], run.common
+    held = [np.zeros((len(stretch), 0))]
     if not stretch.at_rest:
         inertia, peak = (float(baseline.values[sheet.at(name)]) for name in (f"inertia_{side}", "pull_out"))
         spring = peak * sheet.poles[side] if stretch.coupled else 0.0
@@ -140,6 +146,7 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
             of_other = spring * sheet.poles[other] * value
             sources.append((run.shafts[other].angle_density, of_other, of_other))
             sources.append((2.0 * common, of_own, of_other))
+            held += [spring * sheet.poles[of] * _held_spread(stretch, run.shafts[of].held_steps) for of in SIDES]
     step = round(run.run.rate / run.row_rate)
     length = len(value) // step + 1
     correlation = np.zeros(length)
@@ -155,10 +162,10 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
         banded[lag, : len(at) - lag] = np.where(apart < length, bounded[np.minimum(apart, length - 1)], 0.0)
     factor = BandedFactor.of(cholesky_banded(banded, lower=True, check_finite=False))
     knots, lines = _lines(stretch, slow_noise.wander[side])
-    white = factor.solved(slow_spread(stretch, slow_noise))
+    white = factor.solved(np.hstack([slow_spread(stretch, slow_noise), *held]))
     slow, size, _ = np.linalg.svd(white, full_matrices=False)
     shrunk = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
-    return RowNoise(factor, slow, shrunk, correlation, floor, side, slow_noise, knots, lines)
+    return RowNoise(factor, slow, shrunk, correlation, floor, side, slow_noise, np.hstack(held), knots, lines)
 
 
 def _least_density(correlation: Array, rate: float) -> float:
@@ -179,6 +186,19 @@ def slow_spread(stretch: RotorRows, noise: SlowNoise = USUAL) -> Array:
         further = turns_of(stretch)
         further *= np.repeat(noise.ripple, 2)[: further.shape[1]]
     return np.hstack([lines @ np.linalg.cholesky(wander.covariance(knots)), further])
+
+
+def _held_spread(stretch: RotorRows, steps: HeldSteps | None) -> Array:
+    """Directions (n, h) of what steps of an encoder are off for long, each as long as its standard deviation [rad].
+
+    It moves as a wander does: over times from a second to that for which a speed is held.
+    """
+    if steps is None or not (acting := steps.spread > 0.0).any():
+        return np.zeros((len(stretch), 0))
+    time, at = stretch.run.row_time[stretch.rows], steps.time[acting]
+    apart = np.abs(time[:, None] - at) / HELD_PIECE
+    root = np.linalg.cholesky(Wander.of(1.0).covariance(at))
+    return np.asarray((np.maximum(1.0 - apart, 0.0) * steps.spread[acting]) @ root)
 
 
 def _lines(stretch: RotorRows, wander: Wander) -> tuple[Array, Array]:

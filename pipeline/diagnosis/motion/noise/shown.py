@@ -75,7 +75,8 @@ def slow_noise_of(
 ) -> SlowNoise:
     """The wander and the ripple that residuals show, beside what may explain them.
 
-    The waves of a turn are those of its side, in neutral and engaged; a few that stand out do not count.
+    The waves of a turn are those of its side, in neutral and engaged. How much they scatter is told by the differences
+    of any two runs, so that few runs do not make it small; a few that stand out do not count.
 
     Parameters
     ----------
@@ -95,10 +96,10 @@ def slow_noise_of(
         told.setdefault(stretch.side, []).append(means)
         if len(waves):
             ripples.setdefault((stretch.side, stretch.coupled), []).append(waves)
-    about = [each - np.median(each, axis=0) for each in map(np.array, ripples.values()) if len(each) > 1]
+    apart = [one - other for of in ripples.values() for one, other in itertools.combinations(of, 2)]
     ripple = USUAL.ripple
-    if about:
-        by_order = np.split(np.vstack(about), len(RIPPLE), axis=1)
+    if apart:
+        by_order = np.split(np.sqrt(0.5) * np.array(apart), len(RIPPLE), axis=1)
         ripple = tuple(max(float(NORMAL_MAD * np.median(np.abs(each))), LEAST_RIPPLE) for each in by_order)
     return SlowNoise(per_shaft(lambda side: _wander(told[side]) if side in told else USUAL_WANDER), ripple)
 
@@ -112,7 +113,8 @@ def _means_of(stretch: RotorRows, noise: RowNoise, left: Array, columns: Array) 
     inverse = np.linalg.pinv(squares[:, : len(squares)], rcond=1e-12, hermitian=True)
     found, p = inverse @ squares[:, len(squares) :], len(when)
     weights = noise.factor.adjoint(white[:, : len(squares)] @ inverse[:, :p])
-    covariance = inverse[:p, :p] - noise.floor * weights.T @ weights
+    of_steps = weights.T @ noise.held
+    covariance = inverse[:p, :p] - noise.floor * weights.T @ weights + of_steps @ of_steps.T
     return _Means(when, found[:p, -1], found[:p, :-1], covariance), found[p:, -1]
 
 
