@@ -125,10 +125,8 @@ def _held_steps(smooth: Array, count: float, variance: float, rate: float, began
     pieces = len(smooth) // length
     shaken = smooth[: pieces * length] + np.sqrt(variance) * np.random.default_rng(0).standard_normal(pieces * length)
     off = [count * (np.floor(shaken / count + place) - place) - shaken for place in PLACES]
-    spread = np.asarray(
-        np.std([each.reshape(pieces, length).mean(axis=1) for each in off], axis=0, ddof=1), dtype=np.float64
-    )
-    time = began + (np.arange(pieces) + 0.5) * length / rate
+    spread = np.asarray(np.std([each.reshape(pieces, length).mean(axis=1) for each in off], axis=0, ddof=1))
+    time = np.asarray(began + (np.arange(pieces) + 0.5) * length / rate)
     return HeldSteps(time, np.where(spread > HELD_LEAST * count / np.sqrt(12.0 * length), spread, 0.0))
 
 
