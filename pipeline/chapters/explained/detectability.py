@@ -82,7 +82,7 @@ def _alike(audit: Audit) -> Table:
             Column("correlation", "Correlation", "", digits=3),
             Column("test", "Separating test"),
             Column("minutes", "Time", "min", digits=0),
-            Column("power", "Power", "%", digits=0),
+            Column("power", "Power at that size", "%", digits=0),
         ),
         tuple(rows),
     )

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.chapters.bench_parts import GROUNDS, SHEET, parts_of
-from pmg.pipeline.chapters.simulated.motion import TIME
+from pmg.pipeline.chapters.in_motion.picture import SHOWN, clearest_part, sheet_picture
 from pmg.pipeline.diagnosis.design.direct_check import nothing_yet
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.track_record import IN_MOTION, track_record
 from pmg.pipeline.diagnosis.motion.design.remedy import bench_actions, next_run, telling_runs, would_tell
-from pmg.pipeline.diagnosis.motion.places import largest_of, signal_of, where_to_look
+from pmg.pipeline.diagnosis.motion.places import where_to_look
 from pmg.pipeline.diagnosis.motion.statement import (
     causes,
     each_cause,
@@ -25,7 +25,6 @@ from pmg.pipeline.diagnosis.motion.statement import (
 )
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
-from pmg.pipeline.report.document import Chart, Figure, Series
 from pmg.pipeline.wording.cause_sets import SHAFT_WORDS, numbered
 from pmg.pipeline.wording.plurals import capitalised, counted
 from pmg.pipeline.wording.units import MILLI
@@ -50,9 +49,6 @@ GEAR_LOSSES = (
 )
 """Mechanisms in the gear that take power."""
 
-SHOWN = 2.0
-"""Time of a run that the picture shows [s]."""
-
 
 def action_sheet(
     diagnosis: MotionDiagnosis,
@@ -74,7 +70,7 @@ def action_sheet(
         Measured and predicted torque of each stretch.
     """
     return ActionSheet(
-        tuple(_answers(diagnosis, effects, traces)), parts_of(document), _picture(diagnosis, effects, traces)
+        tuple(_answers(diagnosis, effects, traces)), parts_of(document), sheet_picture(diagnosis, effects, traces)
     )
 
 
@@ -142,7 +138,7 @@ def _next(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], tr
         return f"{capitalised(next_run(diagnosis))}.{f' Its sheet: {SHEET}.' * bool(telling_runs(diagnosis))}"
     if not diagnosis.mismatch.found:
         return "None is needed."
-    clearest = _clearest(diagnosis, effects, traces)
+    clearest = clearest_part(diagnosis, effects, traces)
     if diagnosis.verdict is Verdict.NAMED:
         confirm = "Not needed; to confirm the cause, record a further run and compare it with `model.toml`."
         return f"{confirm}{_expected(clearest)}"
@@ -240,61 +236,3 @@ def _loses(term: MotionTerm) -> bool:
     """Whether a mechanism takes power from a shaft: a drag, not a mass, a spring or a wave of the turn."""
     drags = not term.constants and ("bearing" in term.component)
     return drags or term.identifier in GEAR_LOSSES
-
-
-def _picture(
-    diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...]
-) -> Figure | None:
-    """Missing torque where the cause explains most of it, or where the difference is largest."""
-    if (found := _clearest(diagnosis, effects, traces)) is None:
-        return None
-    trace, began = found
-    named = bool(named_fits(diagnosis))
-    cause = "the cause" if diagnosis.verdict is Verdict.NAMED else "the first possible cause"
-    what = f"without and with {cause} in the model" if named else "with the fitted constants"
-    of, side = trace.stretch.run.run, trace.stretch.side
-    return Figure(
-        "missing-torque",
-        f"{side.capitalize()} torque, measured less predicted",
-        f"{capitalised(what)}, in run {of.point} ({of.manoeuvre}).",
-        (_excerpt(trace, began, named=named),),
-        narrow=True,
-    )
-
-
-def _clearest(
-    diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...]
-) -> tuple[TorqueTrace, float] | None:
-    """Stretch and time from which on `SHOWN` seconds show most, on the shaft that the sheet speaks of."""
-    named, of = bool(named_fits(diagnosis)), ""
-    if effects:
-        _, _, of = effect_size(diagnosis, effects[0])
-    elif diagnosis.mismatch.locations:
-        of = signal_of(largest_of(diagnosis))
-    found: tuple[float, TorqueTrace, float] | None = None
-    for trace in traces:
-        if trace.stretch.at_rest or of not in ("", trace.stretch.side):
-            continue
-        before, after = ((trace.stretch.torque - p) / trace.row_spread for p in (trace.before, trace.after))
-        clear = np.cumsum(np.r_[0.0, before**2 - after**2 if named else after**2])
-        width = min(round(SHOWN * trace.stretch.run.row_rate), len(clear) - 1)
-        first = int(np.argmax(clear[width:] - clear[: len(clear) - width]))
-        shown = float(clear[first + width] - clear[first])
-        if found is None or shown > found[0]:
-            found = shown, trace, float(trace.time[first])
-    return None if found is None else found[1:]
-
-
-def _excerpt(trace: TorqueTrace, began: float, *, named: bool) -> Chart:
-    """Missing torque of a stretch over `SHOWN` from a time on, every row, above the band of its noise."""
-    shown = (trace.time >= began) & (trace.time <= began + SHOWN)
-    time = trace.time[shown]
-    series = [Series("noise, 95 %", time, 0.0 * time, trace.row_spread[shown] / MILLI, "band", 7)]
-    for words, predicted, colour in (
-        ("without the cause", trace.before, 1),
-        ("with the cause" if named else "with the fitted constants", trace.after, 0),
-    ):
-        if named or colour == 0:
-            missing = (trace.stretch.torque - predicted)[shown] / MILLI
-            series.append(Series(words, time, missing, None, "line", colour))
-    return Chart(TIME, "torque [mN m]", tuple(series))

@@ -44,7 +44,7 @@ def runs_section(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ...], sh
         * diagnosis.mismatch.found
     )
     numbers = {name: i for i, name in enumerate(by_run, 1)}
-    missing = {name: max(map(_missing_most, of_run)) for name, of_run in by_run.items()}
+    missing = {name: max(map(missing_most, of_run)) for name, of_run in by_run.items()}
     clearest = sorted(by_run, key=lambda name: -missing[name]) if diagnosis.mismatch.found else list(by_run)
     figures = [_figure(numbers[name], by_run[name], shooting, named=named) for name in clearest]
     tables = (_simulated(shooting, named=named),) if shooting.shots else ()
@@ -95,7 +95,7 @@ def _figure(number: int, traces: list[TorqueTrace], shooting: Shooting, *, named
         before, after = (_rms(trace.missing(predicted)) / MILLI for predicted in (trace.before, trace.after))
         size = f"{before:.1f} mN m rms before, {after:.1f} after" if named else f"{after:.1f} mN m rms"
         words.append(f"{side} {size}, noise {band:.1f}")
-        panels.append(Chart(TIME, "torque [mN m]", tuple(_missing(trace, named=named)), title=f"Missing, {side}"))
+        panels.append(Chart(TIME, "torque [mN m]", tuple(missing_series(trace, named=named)), title=f"Missing, {side}"))
     drive = f", {of.drive} drives" if of.coupled else ""
     return Figure(
         f"run-{number:02d}",
@@ -106,7 +106,7 @@ def _figure(number: int, traces: list[TorqueTrace], shooting: Shooting, *, named
     )
 
 
-def _missing_most(trace: TorqueTrace) -> float:
+def missing_most(trace: TorqueTrace) -> float:
     """Mean square of the torque that is missing without the cause, over its noise."""
     return float(np.mean((trace.missing(trace.before) / trace.spread) ** 2))
 
@@ -144,7 +144,7 @@ def _speeds(traces: list[TorqueTrace], shooting: Shooting) -> list[Series]:
     return series
 
 
-def _missing(trace: TorqueTrace, *, named: bool) -> list[Series]:
+def missing_series(trace: TorqueTrace, *, named: bool) -> list[Series]:
     """Missing torque before and after, above the band of the noise; gaps where the shaft is at rest."""
     run = trace.stretch.run
     every = max(round(MISSING_EVERY * run.row_rate), 1)
