@@ -13,6 +13,7 @@ import pytest
 from scipy.linalg import expm
 from tests.balance.slide import RATE, Moving, plain
 from tests.balance.test_balance import diagnosed, named, value
+from tests.slow import slow
 
 from pmg.pipeline.diagnosis.balance.causes import named_causes
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
@@ -23,10 +24,13 @@ from pmg.sim.signals import Array
 DRY = '["inertia", "viscous", "coulomb"]'
 FAR, HERTZ, DAMPING = 60.0, 4.0, 0.03
 
+DRY_FRICTION = 15.0
+"""[N]."""
+
 
 def dry(m: Moving) -> Array:
-    """Inertia, viscous friction and 15 N of dry friction [N]."""
-    return plain(m) + 15.0 * np.tanh(m.v / 2e-4)
+    """Inertia, viscous and dry friction [N]."""
+    return plain(m) + DRY_FRICTION * np.tanh(m.v / 2e-4)
 
 
 def carried(m: Moving) -> Array:
@@ -84,6 +88,19 @@ def test_a_friction_that_is_a_bell_over_speed_is_a_stribeck_friction(tmp_path: P
     assert "stribeck" in named(found)
     (fit,) = [step.fitted.fits[-1] for step in found.steps[1:] if step.added == "stribeck"]
     assert fit.candidate.variant == "bell"
+
+
+@pytest.mark.parametrize("over", [6e-3, pytest.param(0.02, marks=slow)])
+def test_a_friction_that_does_not_jump_at_standstill_rises_over_a_speed(tmp_path: Path, over: float) -> None:
+    """By a root in place of the library's form, and of a size that is in the balance already."""
+
+    def rising(m: Moving) -> Array:
+        return dry(m) + DRY_FRICTION * (m.v / np.hypot(m.v, over) - np.tanh(m.v / 2e-4))
+
+    found = diagnosed(tmp_path, rising, terms=DRY)
+    assert (found.verdict, named(found)) == (Verdict.NAMED, {"rounded_friction"})
+    got, _ = value(found, "rounded_friction")
+    assert got == pytest.approx(DRY_FRICTION, rel=0.2)
 
 
 def test_a_viscous_friction_that_falls_and_settles_warms(tmp_path: Path) -> None:

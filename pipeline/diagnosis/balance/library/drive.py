@@ -144,7 +144,7 @@ def _stribeck_terms(axis: Axis) -> Iterator[Term[Motion]]:
 
 
 def _terms_of_reversal(axis: Axis) -> Iterator[Term[Motion]]:
-    """What happens after a reversal: friction rises over a way, or a gap is crossed."""
+    """What happens about a reversal: friction rises over a way or a speed, or a gap is crossed."""
     yield Term(
         "presliding",
         "Friction that rises over a way after reversal (Dahl)",
@@ -154,6 +154,16 @@ def _terms_of_reversal(axis: Axis) -> Iterator[Term[Motion]]:
         DAHL,
         shape=Quantity("x0", axis.length, axis.presliding),
         separating_test="Reverse slowly over strokes shorter and longer than the length of rise",
+    )
+    yield Term(
+        "rounded_friction",
+        "Friction that rises over a speed about standstill",
+        "-Fr sign(v) (1 - tanh(|v|/vr))",
+        amount("Fr", axis.push, 1e4),
+        lambda m, speed: stack(-m.direction * (1.0 - np.tanh(np.abs(m.speed) / speed))),
+        ARMSTRONG,
+        shape=Quantity("vr", axis.speed, axis.stribeck),
+        separating_test="Reverse slowly and fast: what rises over a speed takes a longer way when reversed fast",
     )
     yield Term(
         "backlash",
