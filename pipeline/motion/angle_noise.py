@@ -1,4 +1,4 @@
-"""Noise of an angle in the band of the rows: steps of its encoder as they fold into it, and jitter of the samples."""
+"""Noise of an angle: steps of its encoder as they fold into the band of the rows or stay, and jitter of the samples."""
 
 from __future__ import annotations
 
@@ -34,37 +34,59 @@ LEAST = 0.05
 """Least part of the noise of even steps that is taken."""
 
 
-PLACES = np.arange(11) / 11.0
-"""Parts of a count by which an angle is moved to see what its steps may be off for long: a prime number of them, so
-that they lie evenly within a half, a third or a tenth of a count, too."""
+QUANTISED_PIECE = 1.0
+"""Time over which the mean of what steps are off is taken [s], about."""
 
-HELD_PIECE = 1.0
-"""Time over which the mean of what steps are off is taken [s]."""
+FINEST = 40
+"""Highest wave of the steps that is looked for in that mean."""
 
-HELD_LEAST = 3.0
-"""Standard deviation of that mean, over what steps without order leave of it, from which on it counts."""
+QUANTISED_LEAST = 9.0
+"""Square of the mean of a wave of the steps, over that of steps without order, from which on it counts: one in 8000."""
 
 
 @dataclass(frozen=True)
-class HeldSteps:
-    """What the steps of an encoder may be off for long, where a speed is held.
+class QuantisationError:
+    """What the steps of an encoder are off on average, which stays while a speed is held.
 
     Parameters
     ----------
     time : (q,) array
-        Middles of pieces of `HELD_PIECE` of the record [s].
+        Middles of pieces of about `QUANTISED_PIECE` of the record [s].
     spread : (q,) array
-        Standard deviation of the mean of what the steps are off over each [rad]; zero where they follow no order.
+        Standard deviation of the mean over each [rad]; zero where the steps follow no order.
     """
 
     time: Array
     spread: Array
 
 
+NO_ERROR = QuantisationError(np.zeros(0), np.zeros(0))
+"""Of an encoder whose steps are not known."""
+
+
+@dataclass(frozen=True)
+class AngleNoise:
+    """Noise of a recorded angle in the band of the rows.
+
+    Parameters
+    ----------
+    density : float
+        Spectral density as the second derivative shows it [rad2/Hz], one-sided.
+    value_density : float
+        The same as the angle itself shows it: lines low in the band count in full.
+    quantisation : QuantisationError
+        What is slower than the band of either.
+    """
+
+    density: float
+    value_density: float
+    quantisation: QuantisationError
+
+
 def angle_noise(
     angle: Array, count: float, rate: float, filters: tuple[Array, Array, Array], above: Callable[[Array, float], Mask]
-) -> tuple[float, HeldSteps]:
-    r"""Spectral density of an angle's noise in a band [rad2/Hz], one-sided, and what its steps are off for long.
+) -> AngleNoise:
+    r"""Noise of an angle in a band.
 
     Parameters
     ----------
@@ -101,8 +123,14 @@ def angle_noise(
     smooth = without_small_waves(smooth, STILL * count, calm)
     again = [np.floor(smooth / count + offset) * count for offset in OFFSETS]
     even = count**2 / 6.0 / rate
-    power = [float(np.mean(fftconvolve(shown - smooth, curved, "valid") ** 2)) for shown in again]
-    inside = max(float(np.mean(power)) / (0.5 * rate * float(curved @ curved)), LEAST * even)
+    off = [shown - smooth for shown in again]
+    inside, of_value = (
+        max(float(np.mean(power)) / (0.5 * rate * float(weights @ weights)), LEAST * even)
+        for weights, power in (
+            (curved, [np.mean(fftconvolve(each, curved, "valid") ** 2) for each in off]),
+            (low, [_quick_power(fftconvolve(each, low, "valid"), rate) for each in off]),
+        )
+    )
     outside = float(np.mean([_above_band(shown, rate, above) for shown in again]))
     seen = _above_band(angle, rate, above)
 
@@ -111,23 +139,39 @@ def angle_noise(
         return kept * of_steps + (1.0 - kept) * even + jitter
 
     jitter = float(brentq(lambda size: beside(size, outside) - seen, 0.0, seen)) if outside < seen else 0.0
-    return beside(jitter, inside), _held_steps(smooth, count, jitter * 0.5 * rate, rate, began / rate)
+    quantisation = _quantisation(smooth, count, jitter * 0.5 * rate, rate, began / rate)
+    return AngleNoise(beside(jitter, inside), beside(jitter, of_value), quantisation)
 
 
-def _held_steps(smooth: Array, count: float, variance: float, rate: float, began: float) -> HeldSteps:
-    """What the steps of a smooth angle from a time on may be off for long.
+def _quick_power(values: Array, rate: float) -> float:
+    """Mean square of what is quicker than the mean over `QUANTISED_PIECE`."""
+    return float(np.mean((values - uniform_filter1d(values, min(round(QUANTISED_PIECE * rate), len(values)))) ** 2))
+
+
+def _quantisation(smooth: Array, count: float, variance: float, rate: float, began: float) -> QuantisationError:
+    r"""What the steps of a smooth angle from a time on are off on average, piece by piece.
 
     At a speed of a whole number of counts a sample, or of some samples, the steps are off by the same for as long as it
     is held, and nothing in the record tells by how much: it depends on where the angle stands within a count.
     `variance` is that of the jitter from sample to sample [rad2].
+
+    Notes
+    -----
+    Over all places within a count, the mean error of the steps has the variance
+    :math:`c^2 \sum_k |m_k|^2 e^{-(2\pi k s/c)^2}/(2\pi^2 k^2)` with the means :math:`m_k` of
+    :math:`e^{2\pi i k x/c}` (Widrow and Kollár 2008, chapter 4).
     """
-    length = round(HELD_PIECE * rate)
-    pieces = len(smooth) // length
-    shaken = smooth[: pieces * length] + np.sqrt(variance) * np.random.default_rng(0).standard_normal(pieces * length)
-    off = [count * (np.floor(shaken / count + place) - place) - shaken for place in PLACES]
-    spread = np.asarray(np.std([each.reshape(pieces, length).mean(axis=1) for each in off], axis=0, ddof=1))
-    time = np.asarray(began + (np.arange(pieces) + 0.5) * length / rate)
-    return HeldSteps(time, np.where(spread > HELD_LEAST * count / np.sqrt(12.0 * length), spread, 0.0))
+    edges = np.linspace(0, len(smooth), max(round(len(smooth) / (QUANTISED_PIECE * rate)), 1) + 1).astype(np.int64)
+    samples = np.diff(edges)
+    turn = np.exp(1j * REVOLUTION * (smooth / count))
+    wave, found = np.ones_like(turn), np.zeros(len(samples))
+    for k in range(1, FINEST + 1):
+        wave = wave * turn
+        seen = np.abs(np.add.reduceat(wave, edges[:-1]) / samples) ** 2
+        kept = np.exp(-variance * (REVOLUTION * k / count) ** 2) / (2.0 * np.pi**2 * k**2)
+        found += np.where(seen > QUANTISED_LEAST / samples, kept * seen, 0.0)
+    time = np.asarray(began + 0.5 * (edges[:-1] + edges[1:]) / rate)
+    return QuantisationError(time, np.asarray(count * np.sqrt(found)))
 
 
 def without_small_waves(smooth: Array, size: float, calm: Array) -> Array:

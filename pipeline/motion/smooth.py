@@ -11,7 +11,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import fftconvolve, firwin, welch
 
-from pmg.pipeline.motion.angle_noise import HeldSteps, angle_noise, common_density, median_over_mean
+from pmg.pipeline.motion.angle_noise import AngleNoise, angle_noise, common_density, median_over_mean
 from pmg.sim.errors import FitError
 from pmg.sim.shafts import PerShaft, per_shaft
 from pmg.sim.signals import REVOLUTION
@@ -66,10 +66,8 @@ class SmoothShaft:
         Of the motor [rad, rad/s, rad/s2].
     density : float
         Spectral density of the torque's white noise [(N m)2/Hz], one-sided.
-    angle_density : float
-        Spectral density of the angle's noise [rad2/Hz], one-sided: quantisation, and what the times of samples jitter.
-    held_steps : HeldSteps, optional
-        What the steps of its encoder may be off for long.
+    angle_noise : AngleNoise
+        Of the angle: quantisation, and what the times of samples jitter.
     fault : (n,) array, optional
         What the transducer shows beyond the torque of the coupling [N m].
     """
@@ -81,8 +79,7 @@ class SmoothShaft:
     speed: Array
     acceleration: Array
     density: float
-    angle_density: float
-    held_steps: HeldSteps | None = None
+    angle_noise: AngleNoise
     fault: Array | None = None
 
     @cached_property
@@ -196,7 +193,6 @@ def smooth(run: MovingRun) -> SmoothRun:
         torque, angle = _bridged(run.torque[side]), _bridged(run.angle[side])
         angle = angle - REVOLUTION * np.floor(angle[0] / REVOLUTION)
         speed, torque_rate = derivative(angle, run.rate), derivative(torque, run.rate)
-        of_angle, held_steps = angle_noise(angle, run.count[side], run.rate, filters, _above)
         return SmoothShaft(
             torque=through(torque),
             torque_rate=through(torque_rate),
@@ -205,12 +201,11 @@ def smooth(run: MovingRun) -> SmoothRun:
             speed=through(speed),
             acceleration=through(derivative(speed, run.rate)),
             density=_white_density(torque, run.rate),
-            angle_density=of_angle,
-            held_steps=held_steps,
+            angle_noise=angle_noise(angle, run.count[side], run.rate, filters, _above),
         )
 
     shafts = per_shaft(shaft)
-    most = MOST_COMMON * math.sqrt(shafts.sun.angle_density * shafts.ring.angle_density)
+    most = MOST_COMMON * math.sqrt(shafts.sun.angle_noise.density * shafts.ring.angle_noise.density)
     common = min(max(common_density(run.angle.map(_bridged), run.rate, _above), -most), most)
     found = SmoothRun(run, time, run.rate / step, shafts, PerShaft(time, time), common)
 

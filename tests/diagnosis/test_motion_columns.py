@@ -18,7 +18,7 @@ from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.noise.row_noise import row_noise
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
-from pmg.pipeline.motion.angle_noise import HeldSteps
+from pmg.pipeline.motion.angle_noise import NO_ERROR, AngleNoise, QuantisationError
 from pmg.pipeline.motion.lag import Lag
 from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft, smooth
 from pmg.pipeline.trials.motion.bench import draw_bench
@@ -157,12 +157,14 @@ def test_steps_that_are_off_for_long_act_through_the_magnetic_spring_and_not_in_
     for place, stretch in enumerate(baseline.stretches):
         run, time = stretch.run, np.arange(0.5, stretch.run.time[-1])
 
-        def held(side: str, run: SmoothRun = run, time: Array = time) -> SmoothShaft:
-            return replace(run.shafts[side], held_steps=HeldSteps(time, np.full(len(time), spread[side])))
+        def off(side: str, run: SmoothRun = run, time: Array = time) -> SmoothShaft:
+            error = QuantisationError(time, np.full(len(time), spread[side]))
+            return replace(run.shafts[side], angle_noise=replace(run.shafts[side].angle_noise, quantisation=error))
 
-        off = replace(stretch, run=replace(run, shafts=per_shaft(held)))
-        stretches = (*baseline.stretches[:place], off, *baseline.stretches[place + 1 :])
-        found = row_noise(replace(baseline, stretches=stretches), place).held
+        stretches = list(baseline.stretches)
+        stretches[place] = replace(stretch, run=replace(run, shafts=per_shaft(off)))
+        noise = row_noise(replace(baseline, stretches=tuple(stretches)), place)
+        found = noise.quantisation
         variance = np.sum(found**2, axis=1)
         seen.add(stretch.coupled)
         if not stretch.coupled:
@@ -173,12 +175,15 @@ def test_steps_that_are_off_for_long_act_through_the_magnetic_spring_and_not_in_
         expected = (pull_out * poles[stretch.side]) ** 2 * of_angles
         np.testing.assert_allclose(variance[on_piece], expected, rtol=0.05)
         assert variance.max() < 1.01 * expected
+        whole = np.ones((len(stretch), 1))
+        assert np.linalg.norm(noise.white(whole)) < 0.8 * np.linalg.norm(row_noise(baseline, place).white(whole))
     assert seen == {True, False}
 
 
 def test_channels_that_show_one_value_all_the_time_have_rows_that_can_be_whitened(baseline: MotionBaseline) -> None:
     first = baseline.stretches[0]
-    still = first.run.shafts.map(lambda shaft: replace(shaft, density=0.0, angle_density=0.0))
+    silent_angle = AngleNoise(0.0, 0.0, NO_ERROR)
+    still = first.run.shafts.map(lambda shaft: replace(shaft, density=0.0, angle_noise=silent_angle))
     silent = replace(baseline, stretches=(replace(first, run=replace(first.run, shafts=still, common=0.0)),))
     assert np.isfinite(row_noise(silent, 0).white(np.ones((len(first), 1)))).all()
 

@@ -41,7 +41,7 @@ def _densities(true: Array, jitter: float, rng: np.random.Generator) -> tuple[fl
     found = smooth(_run(WHITE * rng.standard_normal(len(true)), read))
     curved = row_weights(found)[1]
     seen = np.mean(fftconvolve(read - true + 0.5 * COUNT, curved, "valid") ** 2) / (0.5 * RATE * float(curved @ curved))
-    return found.shafts.sun.angle_density, float(seen)
+    return found.shafts.sun.angle_noise.density, float(seen)
 
 
 def _slow(rng: np.random.Generator, speed: float) -> Array:
@@ -116,27 +116,46 @@ def test_a_rate_that_shows_no_noise_above_the_band_is_refused() -> None:
         smooth(replace(_run(still, still), rate=200.0))
 
 
-def _held(counts: float, rng: np.random.Generator, jitter: float = 0.0) -> tuple[float, float]:
-    """Square of what steps are told to be off over a second at some counts a sample [counts2], and of what they are."""
-    true = (counts * np.arange(20000) + rng.uniform()) * COUNT
+def _on_average(
+    counts: float, rng: np.random.Generator, jitter: float = 0.0, rate: float = RATE
+) -> tuple[float, float]:
+    """Square of what steps are told to be off on average at some counts a sample [counts2], and of what they are."""
+    true = (counts * np.arange(round(20.0 * rate)) + rng.uniform()) * COUNT
     read = COUNT * np.floor((true + jitter * COUNT * rng.standard_normal(len(true))) / COUNT)
-    held = smooth(_run(WHITE * rng.standard_normal(len(true)), read)).shafts.sun.held_steps
-    assert held is not None
-    pieces = [slice(round(at * RATE) - 500, round(at * RATE) + 500) for at in held.time]
+    run = replace(_run(WHITE * rng.standard_normal(len(true)), read), rate=rate)
+    told = smooth(run).shafts.sun.angle_noise.quantisation
+    half = round(0.45 * rate)
+    pieces = [slice(round(at * rate) - half, round(at * rate) + half) for at in told.time]
     off = np.array([np.mean(read[piece] - true[piece]) / COUNT + 0.5 for piece in pieces])
-    return float(np.mean((held.spread / COUNT) ** 2)), float(np.mean(off**2))
+    return float(np.mean((told.spread / COUNT) ** 2)), float(np.mean(off**2))
 
 
-@pytest.mark.parametrize("part", [1, 2, 5])
-def test_what_steps_are_off_for_long_is_told_where_a_speed_is_held(part: int) -> None:
-    """At a whole number of counts a sample, or of two or five: steps that go on as one."""
+@pytest.mark.parametrize("rate", [250.0, 1000.0])
+@pytest.mark.parametrize("part", [1, 2, 5, 10])
+def test_quantisation_that_does_not_average_out_is_told_where_a_speed_is_held(part: int, rate: float) -> None:
+    """At a whole number of counts a sample, or of two, five or ten: steps that go on as one."""
     rng = np.random.default_rng(12)
-    told, seen = np.mean([_held(50.0 + 1.0 / part + 1e-6, rng) for _ in range(60)], axis=0)
-    assert 0.75 < told / seen < 1.35
-    assert seen == pytest.approx(1.0 / 12.0 / part**2, rel=0.35)
+    told, seen = np.mean([_on_average(50.0 + 1.0 / part + 1e-6, rng, rate=rate) for _ in range(60)], axis=0)
+    assert 0.7 < told / seen < 1.4
+    assert told == pytest.approx(1.0 / 12.0 / part**2, rel=0.2)
 
 
-def test_steps_that_follow_no_order_or_that_jitter_hides_are_not_off_for_long() -> None:
+def test_steps_that_follow_no_order_or_that_jitter_hides_average_out() -> None:
     rng = np.random.default_rng(13)
-    assert _held(50.3819660, rng)[0] == 0.0
-    assert _held(50.2, rng, jitter=0.3)[0] == 0.0
+    assert _on_average(50.3819660, rng)[0] < 1e-3 / 12.0
+    assert _on_average(50.2, rng, jitter=0.3)[0] < 1e-3 / 12.0
+
+
+@pytest.mark.parametrize("beat", [0.002, 0.003, 0.005, 0.008, 0.02])
+def test_a_beat_that_is_slow_in_the_band_is_noise_of_the_angle_itself(beat: float) -> None:
+    """Steps that go on for a part of a second as one: they act in full where an angle strains a spring."""
+    rng, told, seen = np.random.default_rng(14), 0.0, 0.0
+    for _ in range(12):
+        true = ((50.0 + beat * rng.uniform(0.95, 1.05)) * np.arange(20000) + rng.uniform()) * COUNT
+        read = COUNT * np.floor(true / COUNT)
+        found = smooth(_run(WHITE * rng.standard_normal(len(true)), read))
+        noise, low = found.shafts.sun.angle_noise, row_weights(found)[0]
+        on_average = float(np.mean(noise.quantisation.spread**2))
+        told += noise.value_density * 0.5 * RATE * float(low @ low) + on_average
+        seen += float(np.var(fftconvolve(read - true, low, "valid")))
+    assert 0.75 < told / seen < 1.3

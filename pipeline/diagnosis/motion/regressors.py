@@ -93,7 +93,8 @@ def _without_noise(
     frequency = np.fft.rfftfreq(2 * len(run), 1.0 / run.row_rate)
     rate = np.asarray(1j * REVOLUTION * frequency, dtype=np.complex128)
     mixing = _mixing(baseline, places, rate, heard)
-    density = np.diag([run.shafts[side].density for side in SIDES] + [run.shafts[side].angle_density for side in SIDES])
+    shafts = [run.shafts[side] for side in SIDES]
+    density = np.diag([each.density for each in shafts] + [each.angle_noise.density for each in shafts])
     density[-1, -2] = density[-2, -1] = run.common
     weighted = density @ mixing.conj().transpose(2, 1, 0)
     inverse = np.linalg.inv(mixing.transpose(2, 0, 1) @ weighted)

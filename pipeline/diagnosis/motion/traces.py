@@ -44,7 +44,7 @@ class TorqueTrace:
     correlation : (b,) array
         Covariance of the noise that the filters leave with as many rows later [(N m)2].
     slow : (n, k) array
-        Directions of wander, ripple and steps that are off for long, each as long as its standard deviation [N m].
+        Directions of wander, ripple and quantisation, each as long as its standard deviation [N m].
     """
 
     stretch: RotorRows
@@ -148,7 +148,7 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     noise, scatter = diagnosis.evidence.noise, diagnosis.evidence.scatter
     found = []
     for place, stretch in enumerate(baseline.stretches):
-        slow = np.hstack([slow_spread(stretch, noise[place].slow_noise), noise[place].held])
+        slow = np.hstack([slow_spread(stretch, noise[place].slow_noise), noise[place].quantisation])
         band = scatter * noise[place].factor.band
         smooth, by_row = (_spread(stretch, band, slow, width) for width in (_width(stretch), 1))
         states = baseline.states[place], before.states[place]
@@ -161,7 +161,7 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
 def _spread(stretch: RotorRows, band: Array, slow: Array, width: int) -> Array:
     """Standard deviation of the torque of a stretch as the mean over `width` rows (n,).
 
-    `band` holds the diagonals of the factor of what the filters leave, `slow` the directions of wander and ripple.
+    `band` holds the diagonals of the factor of what the filters leave, `slow` those of wander, ripple and quantisation.
     """
     weights = np.zeros(band.shape[1])
     width = min(width, len(weights))

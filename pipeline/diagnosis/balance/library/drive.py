@@ -157,13 +157,13 @@ def _terms_of_reversal(axis: Axis) -> Iterator[Term[Motion]]:
     )
     yield Term(
         "rounded_friction",
-        "Friction that rises over a speed about standstill",
+        "Coulomb friction that is smooth about standstill",
         "-Fr sign(v) (1 - tanh(|v|/vr))",
         amount("Fr", axis.push, 1e4),
         lambda m, speed: stack(-m.direction * (1.0 - np.tanh(np.abs(m.speed) / speed))),
         ARMSTRONG,
         shape=Quantity("vr", axis.speed, axis.stribeck),
-        separating_test="Reverse slowly and fast: what rises over a speed takes a longer way when reversed fast",
+        separating_test="Reverse slowly and fast: the way over which friction rises shrinks if it rises over a speed",
     )
     yield Term(
         "backlash",

@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
 from pmg.pipeline.diagnosis.motion.constants import FREE, SheetConstant, start_name
 from pmg.pipeline.diagnosis.motion.rows import RotorRows, linear_columns, rotor_state, stretches_of
+from pmg.pipeline.motion.angle_noise import NO_ERROR, AngleNoise
 from pmg.pipeline.motion.run import MovingRun
 from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft, derivative
 from pmg.pipeline.recording.run_records import Manoeuvre
@@ -22,6 +23,8 @@ from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 from pmg.sim.signals import REVOLUTION, RPM
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
     from pmg.sim.signals import Array
 
@@ -249,9 +252,9 @@ def _stretches(
     """Rows of a run whose rotors stand at some angles (n,), with the torques that the constants give."""
     fine_rate, nothing = known[0].run.fine_rate, np.zeros(len(angles.sun))
 
-    def density(side: str, name: str) -> float:
-        of = [getattr(s.shaft, name) for s in known if s.side == side] or [getattr(s.shaft, name) for s in known]
-        return float(np.median(of))
+    def usual(side: str, of: Callable[[SmoothShaft], float]) -> float:
+        every = [of(s.shaft) for s in known if s.side == side] or [of(s.shaft) for s in known]
+        return float(np.median(every))
 
     def shaft(side: str, torque: Array) -> SmoothShaft:
         rate = derivative(torque, fine_rate)
@@ -264,8 +267,12 @@ def _stretches(
             angle=shown,
             speed=speed,
             acceleration=derivative(speed, fine_rate),
-            density=density(side, "density"),
-            angle_density=density(side, "angle_density"),
+            density=usual(side, lambda shaft: shaft.density),
+            angle_noise=AngleNoise(
+                usual(side, lambda shaft: shaft.angle_noise.density),
+                usual(side, lambda shaft: shaft.angle_noise.value_density),
+                NO_ERROR,
+            ),
         )
 
     def made(torques: dict[str, Array]) -> tuple[RotorRows, ...]:

@@ -1,4 +1,4 @@
-"""Noise of the rows of a stretch: what filters leave of transducer and encoders, wander, ripple of a turn."""
+"""Noise of the rows of a stretch: what filters leave of transducer and encoders, wander, ripple, quantisation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from scipy.linalg import cholesky_banded
 
 from pmg.pipeline.diagnosis.motion.constants import RIPPLE
 from pmg.pipeline.diagnosis.motion.noise.wander import Wander, covariance_between, draw_wander
-from pmg.pipeline.motion.angle_noise import HELD_PIECE
 from pmg.pipeline.motion.banded import BandedFactor
 from pmg.pipeline.motion.smooth import BAND, row_weights
 from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
-    from pmg.pipeline.motion.angle_noise import HeldSteps
+    from pmg.pipeline.motion.angle_noise import QuantisationError
     from pmg.sim.signals import Array
 
 LONGEST = 3.0
@@ -76,7 +75,7 @@ class RowNoise:
     factor : BandedFactor
         Of the covariance of what the filters leave.
     slow : (n, r) array
-        Orthonormal directions of wander and ripple, in units of that noise.
+        Orthonormal directions of wander, ripple and quantisation, in units of that noise.
     shrunk : (r,) array
         Part of a column along each of them that goes.
     correlation : (b,) array
@@ -87,8 +86,8 @@ class RowNoise:
         The shaft.
     slow_noise : SlowNoise
         Of which wander and ripple are.
-    held : (n, h) array
-        Directions of what steps of the encoders are off for long, each as long as its standard deviation [N m].
+    quantisation : (n, h) array
+        Directions of what steps of the encoders are off on average, each as long as its standard deviation [N m].
     knots : (q,) array
         Instants from which to which its wander goes straight [s since 1970].
     lines : (n, q) array
@@ -102,7 +101,7 @@ class RowNoise:
     floor: float
     side: str
     slow_noise: SlowNoise
-    held: Array
+    quantisation: Array
     knots: Array
     lines: Array
 
@@ -135,18 +134,21 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     run, side = stretch.run, stretch.side
     own, (value, curvature) = stretch.shaft, row_weights(run)
     sources, common = [(own.density, value, value)], run.common
-    held = [np.zeros((len(stretch), 0))]
+    quantisation = [np.zeros((len(stretch), 0))]
     if not stretch.at_rest:
         inertia, peak = (float(baseline.values[sheet.at(name)]) for name in (f"inertia_{side}", "pull_out"))
-        spring = peak * sheet.poles[side] if stretch.coupled else 0.0
-        of_own = inertia * curvature + spring * sheet.poles[side] * value
-        sources.append((own.angle_density, of_own, of_own))
+        spring, of_angle = peak * sheet.poles[side] if stretch.coupled else 0.0, own.angle_noise
+        by_inertia, by_angle = inertia * curvature, spring * sheet.poles[side] * value
+        of_own = np.sqrt(of_angle.density) * by_inertia + np.sqrt(of_angle.value_density) * by_angle
+        sources.append((1.0, of_own, of_own))
         if spring:
             other = other_side(side)
             of_other = spring * sheet.poles[other] * value
-            sources.append((run.shafts[other].angle_density, of_other, of_other))
-            sources.append((2.0 * common, of_own, of_other))
-            held += [spring * sheet.poles[of] * _held_spread(stretch, run.shafts[of].held_steps) for of in SIDES]
+            sources.append((run.shafts[other].angle_noise.value_density, of_other, of_other))
+            sources.append((2.0 * common, by_inertia + by_angle, of_other))
+            for of in SIDES:
+                off = _quantisation_spread(stretch, run.shafts[of].angle_noise.quantisation)
+                quantisation.append(spring * sheet.poles[of] * off)
     step = round(run.run.rate / run.row_rate)
     length = len(value) // step + 1
     correlation = np.zeros(length)
@@ -162,10 +164,10 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
         banded[lag, : len(at) - lag] = np.where(apart < length, bounded[np.minimum(apart, length - 1)], 0.0)
     factor = BandedFactor.of(cholesky_banded(banded, lower=True, check_finite=False))
     knots, lines = _lines(stretch, slow_noise.wander[side])
-    white = factor.solved(np.hstack([slow_spread(stretch, slow_noise), *held]))
+    white = factor.solved(np.hstack([slow_spread(stretch, slow_noise), *quantisation]))
     slow, size, _ = np.linalg.svd(white, full_matrices=False)
     shrunk = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
-    return RowNoise(factor, slow, shrunk, correlation, floor, side, slow_noise, np.hstack(held), knots, lines)
+    return RowNoise(factor, slow, shrunk, correlation, floor, side, slow_noise, np.hstack(quantisation), knots, lines)
 
 
 def _least_density(correlation: Array, rate: float) -> float:
@@ -188,17 +190,18 @@ def slow_spread(stretch: RotorRows, noise: SlowNoise = USUAL) -> Array:
     return np.hstack([lines @ np.linalg.cholesky(wander.covariance(knots)), further])
 
 
-def _held_spread(stretch: RotorRows, steps: HeldSteps | None) -> Array:
-    """Directions (n, h) of what steps of an encoder are off for long, each as long as its standard deviation [rad].
+def _quantisation_spread(stretch: RotorRows, error: QuantisationError) -> Array:
+    """Directions (n, h) of what steps of an encoder are off on average, each as long as its standard deviation [rad].
 
-    It moves as a wander does: over times from a second to that for which a speed is held.
+    It is taken to move as a wander does, over times from 1 to 100 s: how long a speed is held nobody says. What one
+    encoder shows in both balances of an engaged run is taken for two errors.
     """
-    if steps is None or not (acting := steps.spread > 0.0).any():
+    if not (acting := error.spread > 0.0).any():
         return np.zeros((len(stretch), 0))
-    time, at = stretch.run.row_time[stretch.rows], steps.time[acting]
-    apart = np.abs(time[:, None] - at) / HELD_PIECE
-    root = np.linalg.cholesky(Wander.of(1.0).covariance(at))
-    return np.asarray((np.maximum(1.0 - apart, 0.0) * steps.spread[acting]) @ root)
+    time, unit = stretch.run.row_time[stretch.rows], np.eye(len(error.time))[acting]
+    hats = np.stack([np.interp(time, error.time, each) for each in unit], 1)
+    root = np.linalg.cholesky(Wander.of(1.0).covariance(error.time[acting]))
+    return np.asarray((hats * error.spread[acting]) @ root)
 
 
 def _lines(stretch: RotorRows, wander: Wander) -> tuple[Array, Array]:

@@ -29,6 +29,9 @@ FILLED = 0.5
 LEAST_RIPPLE = 3e-4
 """Least standard deviation that is taken for the ripple of a turn [N m]."""
 
+OF_FEW = {2: 1.196, 3: 1.495, 4: 1.363, 5: 1.206, 6: 1.200, 7: 1.140, 8: 1.129, 9: 1.107}
+"""Factor on a scatter by medians of so many values."""
+
 USUAL_WANDER = USUAL.wander.sun
 """What is thought of a wander before anything is seen of it."""
 
@@ -75,8 +78,7 @@ def slow_noise_of(
 ) -> SlowNoise:
     """The wander and the ripple that residuals show, beside what may explain them.
 
-    The waves of a turn are those of its side, in neutral and engaged. How much they scatter is told by the differences
-    of any two runs, so that few runs do not make it small; a few that stand out do not count.
+    The waves of a turn are those of its side, in neutral and engaged; a few that stand out do not count.
 
     Parameters
     ----------
@@ -96,12 +98,24 @@ def slow_noise_of(
         told.setdefault(stretch.side, []).append(means)
         if len(waves):
             ripples.setdefault((stretch.side, stretch.coupled), []).append(waves)
-    apart = [one - other for of in ripples.values() for one, other in itertools.combinations(of, 2)]
+    several = [np.array(of) for of in ripples.values() if len(of) > 1]
     ripple = USUAL.ripple
-    if apart:
-        by_order = np.split(np.sqrt(0.5) * np.array(apart), len(RIPPLE), axis=1)
-        ripple = tuple(max(float(NORMAL_MAD * np.median(np.abs(each))), LEAST_RIPPLE) for each in by_order)
+    if several:
+        scatter = np.average(list(map(_scatter, several)), axis=0, weights=[len(of) - 1 for of in several])
+        ripple = tuple(max(float(np.mean(each)), LEAST_RIPPLE) for each in np.split(scatter, len(RIPPLE)))
     return SlowNoise(per_shaft(lambda side: _wander(told[side]) if side in told else USUAL_WANDER), ripple)
+
+
+def _scatter(waves: Array) -> Array:
+    """Standard deviation (w,) of the waves of n runs (n, w), by the median of what they are off their median.
+
+    References
+    ----------
+    C. Croux, P. J. Rousseeuw, 'Time-Efficient Algorithms for Two Highly Robust Estimators of Scale', COMPSTAT (1992):
+    the factors by which few values make that small.
+    """
+    n, off = len(waves), np.abs(waves - np.median(waves, axis=0))
+    return np.asarray((OF_FEW[n] if n in OF_FEW else n / (n - 0.8)) * NORMAL_MAD * np.median(off, axis=0))
 
 
 def _means_of(stretch: RotorRows, noise: RowNoise, left: Array, columns: Array) -> tuple[_Means, Array]:
@@ -113,7 +127,7 @@ def _means_of(stretch: RotorRows, noise: RowNoise, left: Array, columns: Array) 
     inverse = np.linalg.pinv(squares[:, : len(squares)], rcond=1e-12, hermitian=True)
     found, p = inverse @ squares[:, len(squares) :], len(when)
     weights = noise.factor.adjoint(white[:, : len(squares)] @ inverse[:, :p])
-    of_steps = weights.T @ noise.held
+    of_steps = weights.T @ noise.quantisation
     covariance = inverse[:p, :p] - noise.floor * weights.T @ weights + of_steps @ of_steps.T
     return _Means(when, found[:p, -1], found[:p, :-1], covariance), found[p:, -1]
 
