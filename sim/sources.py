@@ -105,4 +105,9 @@ BIRGE = Source(
     "doi:10.1103/PhysRev.40.207",
 )
 DAHL = Source("dahl", "P. R. Dahl, 'A solid friction model', Aerospace Corporation, TOR-0158(3107-18)-1, 1968")
+ANDERSSON = Source(
+    "andersson-friction",
+    "S. Andersson, A. Söderberg, S. Björklund, 'Friction models for sliding dry, boundary and mixed lubricated "
+    "contacts', Tribology International 40, 580-587, 2007",
+)
 BALANCE = Source("force-balance", "Force balance of a moving part; a term written down for this library")

@@ -37,7 +37,8 @@ class Axis:
     shown_speed : tuple of (str, float)
         The same of the speed.
     periods, stribeck, presliding : tuple of float
-        Ranges of a period of position, of the speed over which friction falls, of the way over which it rises [SI].
+        Ranges of a period of position, of the speed over which friction falls or rises, and of the way over which it
+        rises [SI].
     turn : float
         Way after which the machine stands as before [rad]; zero of one that slides.
     rises : tuple of float

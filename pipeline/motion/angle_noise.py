@@ -75,7 +75,7 @@ class AngleNoise:
     value_density : float
         The same as the angle itself shows it: lines low in the band count in full.
     quantisation : QuantisationError
-        What is slower than the band of either.
+        What the mean of the steps is off, which neither holds.
     """
 
     density: float
@@ -101,6 +101,11 @@ def angle_noise(
     above : callable
         Which frequencies [Hz] of a record of that rate are well above the band.
 
+    Returns
+    -------
+    AngleNoise
+        In that band, and below it.
+
     Notes
     -----
     An encoder shows whole counts c. What they are off has the variance :math:`c^2/12`, and is white while the speed
@@ -108,7 +113,8 @@ def angle_noise(
     does not. A smooth angle is counted again to see how much of it does: one without the waves of the band where these
     are no larger than what steps make of themselves, as steps that are there already would count as none again. Jitter
     of size s between samples spreads the k-th wave of the steps: :math:`e^{-(2\pi k s/c)^2}` of its power is left; how
-    large jitter is shows above the band, where all beyond the steps is taken for it.
+    large jitter is shows above the band, where all beyond the steps is taken for it. A line low in the band is next to
+    nothing in the second derivative and whole in the angle, so that each has a density of its own.
 
     References
     ----------

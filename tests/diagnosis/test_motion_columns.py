@@ -15,6 +15,7 @@ from pmg.pipeline.diagnosis.motion import baseline as baseline_room
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, _linearised, fit_baseline, start_baseline
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
+from pmg.pipeline.diagnosis.motion.noise import shown
 from pmg.pipeline.diagnosis.motion.noise.row_noise import row_noise
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
@@ -175,6 +176,11 @@ def test_steps_that_are_off_for_long_act_through_the_magnetic_spring_and_not_in_
         expected = (pull_out * poles[stretch.side]) ** 2 * of_angles
         np.testing.assert_allclose(variance[on_piece], expected, rtol=0.05)
         assert variance.max() < 1.01 * expected
+        means, _ = shown._means_of(stretch, noise, stretch.torque, np.zeros((len(stretch), 0)))
+        alone = replace(noise, quantisation=noise.quantisation[:, :0])
+        other, _ = shown._means_of(stretch, alone, stretch.torque, np.zeros((len(stretch), 0)))
+        of_means = np.diag(means.covariance - other.covariance)  # of pieces of 2 s, beside the waves of a turn
+        assert np.all((0.4 * expected < of_means) & (of_means < 1.5 * expected))
         whole = np.ones((len(stretch), 1))
         assert np.linalg.norm(noise.white(whole)) < 0.8 * np.linalg.norm(row_noise(baseline, place).white(whole))
     assert seen == {True, False}

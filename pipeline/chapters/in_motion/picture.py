@@ -92,11 +92,12 @@ def _excerpt(trace: TorqueTrace, began: float, *, named: bool) -> Chart:
 def _whole_run(trace: TorqueTrace) -> Figure:
     """Missing torque of a shaft in a run, smoothed as in the chapter on the runs."""
     of, side = trace.stretch.run.run, trace.stretch.side
+    missing, noise = (float(np.sqrt(np.mean(v**2))) / MILLI for v in (trace.missing(trace.after), trace.spread))
     return Figure(
         "missing-torque",
         f"{side.capitalize()} torque, measured less predicted",
-        f"Mean over {SMOOTHED:g} s, with the fitted constants, in run {of.point} ({of.manoeuvre}): the run in which "
-        "most is missing.",
+        f"{missing:.1f} mN m rms of {noise:.1f} mN m noise in run {of.point} ({of.manoeuvre}), the largest of all runs "
+        f"over its noise. With the fitted constants, mean over {SMOOTHED:g} s.",
         (Chart(TIME, "torque [mN m]", tuple(missing_series(trace, named=False))),),
         narrow=True,
     )

@@ -21,7 +21,7 @@ from pmg.pipeline.diagnosis.balance.library.elastic import elastic_terms
 from pmg.pipeline.diagnosis.balance.library.term import DURATION, MIDDLE, Motion, Quantity, Term
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
 from pmg.sim.signals import REVOLUTION
-from pmg.sim.sources import ARMSTRONG, BALANCE, DAHL, Source
+from pmg.sim.sources import ANDERSSON, ARMSTRONG, BALANCE, DAHL, Source
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -161,7 +161,7 @@ def _terms_of_reversal(axis: Axis) -> Iterator[Term[Motion]]:
         "-Fr sign(v) (1 - tanh(|v|/vr))",
         amount("Fr", axis.push, 1e4),
         lambda m, speed: stack(-m.direction * (1.0 - np.tanh(np.abs(m.speed) / speed))),
-        ARMSTRONG,
+        ANDERSSON,
         shape=Quantity("vr", axis.speed, axis.stribeck),
         separating_test="Reverse slowly and fast: the way over which friction rises shrinks if it rises over a speed",
     )

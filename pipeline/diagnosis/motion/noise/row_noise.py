@@ -127,8 +127,8 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     Notes
     -----
     A row is a filtered sum of white sequences: that of its transducer, and the quantisation of the encoders through
-    inertia and the stiffness of the magnetic spring. Its correlation ends where the filters do, so that the
-    covariance of any rows is banded.
+    inertia and the stiffness of the magnetic spring, with the density that either has. Its correlation ends where the
+    filters do, so that the covariance of any rows is banded.
     """
     stretch, sheet = baseline.stretches[place], baseline.sheet
     run, side = stretch.run, stretch.side
