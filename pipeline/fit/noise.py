@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -73,7 +72,7 @@ class ShaftNoise:
     u : float
         Noise of one point's mean that structure is judged against [N m], all causes that differ from point to point.
     dof : float
-        Degrees of freedom behind `of_mean`; 0 where the campaign does not tell how far a mean strays.
+        Degrees of freedom behind `u`; 0 where the campaign does not tell how far a mean strays.
     within : float
         Root mean square of the within-window part [N m].
     repeats, repeats_dof : float
@@ -86,9 +85,6 @@ class ShaftNoise:
         Where `u` comes from, in words.
     growth : Growth
         How its size grows with the shaft's speed; `u` is the root mean square over the readings.
-    neighbours : float
-        Scatter about the loss curves alone [N m], where the campaign is too small to tell its noise from a mismatch;
-        NaN elsewhere.
     """
 
     u: float
@@ -101,12 +97,6 @@ class ShaftNoise:
     correlation_weights: Array
     source: str
     growth: Growth = NO_GROWTH
-    neighbours: float = math.nan
-
-    @property
-    def of_mean(self) -> float:
-        """Standard uncertainty of one point's mean [N m]: `u`, or what its neighbours say where that is all."""
-        return self.u if math.isnan(self.neighbours) else self.neighbours
 
     @property
     def correlation(self) -> float:

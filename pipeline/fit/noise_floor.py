@@ -169,8 +169,9 @@ def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloo
     Repeats that scatter more betray a slow change between them, repeats that scatter less a mismatch that no family
     follows; in both cases the smaller figure is the noise, and the mismatch test is reported.
 
-    A campaign without repeats that is too small for the families has no such estimate: structure is judged against the
-    scatter within the windows, and a mean is as uncertain as the scatter about the loss curves says.
+    A campaign without repeats that is too small for the families has no such estimate: the scatter about the loss
+    curves stands for it, which holds a mismatch as well. By what varies within a window alone, every bench that
+    re-approaches its speeds would differ from its model.
     """
     readings = take_readings(grid, bench)
     model = start_model(fits)
@@ -193,7 +194,7 @@ def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloo
         pooled = _pool(grid.within[side][grid.accepted], repeats, sigma[side], dof[side], rho)
         if pooled.dof or near_dof[side] < FEWEST_NEIGHBOURS:
             return replace(pooled, growth=growth[side])
-        return replace(pooled, neighbours=near[side], dof=near_dof[side], source=NEIGHBOURS)
+        return replace(pooled, u=near[side], dof=near_dof[side], source=NEIGHBOURS)
 
     return NoiseFloor(*per_shaft(shaft))
 

@@ -155,7 +155,7 @@ def with_floor(grid: Grid, floor: NoiseFloor) -> Grid:
 
     def point(side: str) -> Array:
         within, noise = grid.within[side], floor[side]
-        usual = noise.of_mean * np.sqrt(noise.growth.variance(grid.points.speed[side]))
+        usual = noise.u * np.sqrt(noise.growth.variance(grid.points.speed[side]))
         own = np.sqrt(np.maximum(usual**2 - noise.within**2, 0.0) + within**2)
         return np.where(within > NOISY_WINDOW * noise.within, own, usual)
 

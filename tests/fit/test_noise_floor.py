@@ -40,4 +40,4 @@ def test_repeats_that_differ_by_more_than_neighbours_are_a_drift_of_the_bench(rn
     sun, ring = (t + later + NOISE * rng.standard_normal(len(true)) for t in (true.torque_sun, true.torque_ring))
     floor = analyse(measured(true.points, sun, ring, NOISE), AnalysisOptions(), BENCH).floor
     assert floor is not None
-    assert all(noise.source == DRIFTED and noise.repeats > 2.0 * noise.of_mean for noise in floor)
+    assert all(noise.source == DRIFTED and noise.repeats > 2.0 * noise.u for noise in floor)

@@ -15,6 +15,7 @@ from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
 from pmg.pipeline.diagnosis.grid.locate import find_mismatch
 from pmg.pipeline.fit.noise import NoiseFloor
+from pmg.pipeline.fit.noise_floor import NEIGHBOURS
 from pmg.sim.bench import BenchParameters
 from pmg.sim.grid import Grid, OperatingPoints
 
@@ -63,6 +64,22 @@ def test_growing_noise_raises_no_more_alarms(bench: BenchParameters) -> None:
         assert analysis.fits is not None
         assert analysis.floor is not None
         alarms += find_mismatch(analysis.grid, analysis.fits, analysis.floor, bench, rng, draws=99).found
+    assert alarms <= 3
+
+
+def test_few_points_without_repeats_raise_no_more_alarms(bench: BenchParameters) -> None:
+    """12 clean campaigns of 50 points at 5 %, whose windows show a part of what differs from point to point."""
+    alarms, small = 0, 0
+    for seed in range(12):
+        rng = np.random.default_rng(200 + seed)
+        every = campaign_points("random", rng)
+        few = every[np.sort(rng.choice(len(every), 50, replace=False))]
+        analysis = analysed(measure(NATURE, few, rng)[0], bench)
+        if analysis.fits is None or analysis.floor is None:
+            continue
+        small += any(noise.source == NEIGHBOURS for noise in analysis.floor)
+        alarms += find_mismatch(analysis.grid, analysis.fits, analysis.floor, bench, rng, draws=99).found
+    assert small > 3
     assert alarms <= 3
 
 
