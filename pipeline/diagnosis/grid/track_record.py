@@ -67,13 +67,13 @@ RECORD = {
 
 
 IN_MOTION = {
-    "named": TrackRecord("a cause named", "The cause named was right", 61, 62),
+    "named": TrackRecord("a cause named", "The cause named was right", 74, 76),
     "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 5, 5),
     "weak": TrackRecord(
-        "a difference too weak to name its cause, or none proved", "The truth was among those given", 22, 23
+        "a difference too weak to name its cause, or none proved", "The truth was among those given", 12, 12
     ),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "The cause was unknown or the closest", 24, 27
+        "no known cause given, with those that come near", "The cause was unknown or the closest", 21, 26
     ),
 }
 """The same of runs in motion, from the trial of 240 campaigns in ``pipeline/trials/motion/README.md``."""
