@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.in_motion.runs import missing_most, missing_series
+from pmg.pipeline.chapters.in_motion.runs import missing_most, missing_series, root_mean_square
 from pmg.pipeline.chapters.simulated.motion import TIME
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion.places import largest_of, signal_of
@@ -30,25 +30,36 @@ def sheet_picture(
 ) -> Figure | None:
     """Missing torque where the cause explains most of it, or where the difference is largest.
 
-    Where there is none, a whole run is shown, that which leaves most.
+    Without a difference it is that of the whole run with the largest missing torque over its noise.
     """
-    if not diagnosis.mismatch.found:
+    if diagnosis.mismatch.found:
+        if (found := clearest_part(diagnosis, effects, traces)) is None:
+            return None
+        trace, began = found
+        named = bool(named_fits(diagnosis))
+        cause = "the cause" if diagnosis.verdict is Verdict.NAMED else "the first possible cause"
+        what = f"without and with {cause} in the model" if named else "with the fitted constants"
+        chart = _excerpt(trace, began, named=named)
+        caption = f"{capitalised(what)}, in {_run_of(trace)}."
+    else:
         turning = [trace for trace in traces if not trace.stretch.at_rest]
-        return _whole_run(max(turning, key=missing_most)) if turning else None
-    if (found := clearest_part(diagnosis, effects, traces)) is None:
-        return None
-    trace, began = found
-    named = bool(named_fits(diagnosis))
-    cause = "the cause" if diagnosis.verdict is Verdict.NAMED else "the first possible cause"
-    what = f"without and with {cause} in the model" if named else "with the fitted constants"
-    of, side = trace.stretch.run.run, trace.stretch.side
-    return Figure(
-        "missing-torque",
-        f"{side.capitalize()} torque, measured less predicted",
-        f"{capitalised(what)}, in run {of.point} ({of.manoeuvre}).",
-        (_excerpt(trace, began, named=named),),
-        narrow=True,
-    )
+        if not turning:
+            return None
+        trace = max(turning, key=missing_most)
+        missing, noise = (root_mean_square(v) / MILLI for v in (trace.missing(trace.after), trace.spread))
+        chart = Chart(TIME, "torque [mN m]", tuple(missing_series(trace, named=False)))
+        caption = (
+            f"{missing:.1f} mN m rms of {noise:.1f} mN m noise in {_run_of(trace)}, the largest of all runs over its "
+            f"noise. With the fitted constants, mean over {SMOOTHED:g} s."
+        )
+    title = f"{trace.stretch.side.capitalize()} torque, measured less predicted"
+    return Figure("missing-torque", title, caption, (chart,), narrow=True)
+
+
+def _run_of(trace: TorqueTrace) -> str:
+    """The run of a trace, in words."""
+    run = trace.stretch.run.run
+    return f"run {run.point} ({run.manoeuvre})"
 
 
 def clearest_part(
@@ -87,17 +98,3 @@ def _excerpt(trace: TorqueTrace, began: float, *, named: bool) -> Chart:
             missing = (trace.stretch.torque - predicted)[shown] / MILLI
             series.append(Series(words, time, missing, None, "line", colour))
     return Chart(TIME, "torque [mN m]", tuple(series))
-
-
-def _whole_run(trace: TorqueTrace) -> Figure:
-    """Missing torque of a shaft in a run, smoothed as in the chapter on the runs."""
-    of, side = trace.stretch.run.run, trace.stretch.side
-    missing, noise = (float(np.sqrt(np.mean(v**2))) / MILLI for v in (trace.missing(trace.after), trace.spread))
-    return Figure(
-        "missing-torque",
-        f"{side.capitalize()} torque, measured less predicted",
-        f"{missing:.1f} mN m rms of {noise:.1f} mN m noise in run {of.point} ({of.manoeuvre}), the largest of all runs "
-        f"over its noise. With the fitted constants, mean over {SMOOTHED:g} s.",
-        (Chart(TIME, "torque [mN m]", tuple(missing_series(trace, named=False))),),
-        narrow=True,
-    )

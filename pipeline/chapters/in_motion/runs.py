@@ -91,8 +91,10 @@ def _figure(number: int, traces: list[TorqueTrace], shooting: Shooting, *, named
         panels.append(Chart(TIME, "speed [rpm]", tuple(_speeds(traces, shooting)), title="Speed"))
     words = []
     for trace in traces:
-        side, band = trace.stretch.side, float(np.sqrt(np.mean(trace.spread**2))) / MILLI
-        before, after = (_rms(trace.missing(predicted)) / MILLI for predicted in (trace.before, trace.after))
+        side, band = trace.stretch.side, root_mean_square(trace.spread) / MILLI
+        before, after = (
+            root_mean_square(trace.missing(predicted)) / MILLI for predicted in (trace.before, trace.after)
+        )
         size = f"{before:.1f} mN m rms before, {after:.1f} after" if named else f"{after:.1f} mN m rms"
         words.append(f"{side} {size}, noise {band:.1f}")
         panels.append(Chart(TIME, "torque [mN m]", tuple(missing_series(trace, named=named)), title=f"Missing, {side}"))
@@ -111,7 +113,8 @@ def missing_most(trace: TorqueTrace) -> float:
     return float(np.mean((trace.missing(trace.before) / trace.spread) ** 2))
 
 
-def _rms(values: Array) -> float:
+def root_mean_square(values: Array) -> float:
+    """Of values (n,), in their unit."""
     return float(np.sqrt(np.mean(values**2)))
 
 
