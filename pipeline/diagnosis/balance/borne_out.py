@@ -6,8 +6,12 @@ from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
+from pmg.pipeline.diagnosis.balance.contest import settled
 from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
+from pmg.pipeline.diagnosis.balance.library.drive_faults import DELAY
 from pmg.pipeline.diagnosis.balance.library.elastic import LIKE_PLAY
 from pmg.pipeline.diagnosis.balance.low_passes import FACTORS
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
@@ -16,8 +20,13 @@ from pmg.pipeline.diagnosis.engine.found_set import name_part
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.estimate import Estimate, FittedTerms
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
     from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried
     from pmg.pipeline.diagnosis.balance.search_record import Searched
+
+FAST, SLOWER, SURELY = 0.95, 0.85, 4.0
+"""Part of the samples that a delay moves less than the others, part of the delay of those others below which theirs is
+another one, and standard errors by which it must be."""
 
 
 class HeldBack(StrEnum):
@@ -28,7 +37,7 @@ class HeldBack(StrEnum):
     WORSE_WITHHELD = "worse withheld"
     """It makes the error on the withheld record larger by a tenth or more, with certainty."""
     LIKE_PLAY = "like play"
-    """Play in a coupling would be explained by the same terms."""
+    """Play in a coupling would be explained by the same terms, or by a delay that is longer in its few moments."""
     SIZE_UNKNOWN = "size unknown"
     """Left out in turn, parts of the record move its size by more than itself: a few samples carry it."""
 
@@ -81,13 +90,34 @@ def held_back(
     worse : bool
         Whether they make the error on the withheld record larger.
     """
-    if {fit.identifier for fit in s.named} >= LIKE_PLAY:
+    if {fit.identifier for fit in s.named} >= LIKE_PLAY or _late_at_times(s.problem, s.named):
         return HeldBack.LIKE_PLAY
     if of_no_size(fitted):
         return HeldBack.SIZE_UNKNOWN
     if worse:
         return HeldBack.WORSE_WITHHELD
     return HeldBack.LOW_PASS if _none_names(s, case, low_passes) else None
+
+
+def _late_at_times(problem: TermProblem, named: tuple[TermFit, ...]) -> bool:
+    """Whether a named delay is longer where it moves the force most than where it moves it less.
+
+    A delay is the same at any time; a load that crosses a gap is late for a moment and far.
+    """
+    for fit in named:
+        if fit.identifier != DELAY:
+            continue
+        beside = settled(problem, tuple(other for other in named if other is not fit))
+        column = problem.columns_of(fit.candidate, fit.shape)
+        fast = np.abs(column) > np.quantile(np.abs(column), FAST)
+        parts = beside.project(np.hstack([np.where(fast, column, 0.0), np.where(fast, 0.0, column)]))
+        most, less = np.linalg.lstsq(parts, beside.left, rcond=None)[0]
+        left = beside.left - parts @ np.array([most, less])
+        squares = np.diag(np.linalg.pinv(parts.T @ parts)) * float(left @ left) / len(left)
+        surely = abs(most - less) > SURELY * float(np.sqrt(squares.sum()))
+        if surely and abs(less) < SLOWER * abs(most):
+            return True
+    return False
 
 
 def of_no_size(fitted: FittedTerms) -> tuple[Estimate, ...]:

@@ -38,7 +38,8 @@ TWIN = 0.999
 class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
     """The terms that a problem has tables of; with `refine`, the leaders' shapes are searched between those tabled.
 
-    A shape that is the size of its term is searched anyway: no amplitude makes up for what a tabled one is off.
+    A shape that is the size of its term, or with which its columns change fast, is searched anyway: no amplitude makes
+    up for what a tabled one is off.
     """
 
     refine: bool = True
@@ -57,7 +58,7 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
 
     def _between(self, term: Term[Any]) -> bool:
         """Whether the shape of a term is searched between those tabled."""
-        return term.shape is not None and not term.one_of and (self.refine or term.whole)
+        return term.shape is not None and not term.one_of and (self.refine or term.whole or term.sharp)
 
     def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
         """All terms but some fitted, best score first; a second wave where the first is among those."""

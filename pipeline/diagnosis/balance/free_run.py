@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.estimate import INERTIA
 from pmg.pipeline.diagnosis.balance.known_terms import SetTerm, missing_parameters, set_terms
-from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
+from pmg.pipeline.diagnosis.balance.library.drive_faults import DELAY, GAIN
 from pmg.pipeline.diagnosis.balance.library.term import Motion
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 MANY = 1e4
 """Small units of a position from which on a stroke is told in the plain one."""
 
-DELAY, FADE, LIMIT = "delay", "drive_fade", "drive_limit"
+FADE, LIMIT = "drive_fade", "drive_limit"
 """Terms that change what force acts when, instead of adding one."""
 
 RUNS_AWAY = 1e6

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.columns import waves_of
-from pmg.pipeline.diagnosis.balance.library.term import OUT, TEMPERATURE
+from pmg.pipeline.diagnosis.balance.library.elastic import beyond_gap, gaps_of
+from pmg.pipeline.diagnosis.balance.library.term import LAG, OUT, TEMPERATURE
 from pmg.pipeline.diagnosis.balance.periods import shortest
 from pmg.pipeline.fit.structure import ResidualStructure
 from pmg.sim.signals import REVOLUTION
@@ -29,6 +30,8 @@ FINE_WAVES = 200
 SAMPLES_PER_WAVE = 16
 """Samples of the regression that each of them calls for: more would leave too little to tell the noise by."""
 
+GAPS = 12
+"""Gaps that a load may fly across, evenly spaced on a logarithm."""
 
 ORDERS = 24
 """Periods in a turn up to which a force is looked for."""
@@ -63,7 +66,7 @@ def families_of(recorded: Recorded, axis: Axis) -> tuple[ResidualStructure, ...]
         "travel since reversal": rise,
         "time": slow_time,
         "time, as friction": np.c_[sign * slow_time[:, :4], m.speed[:, None] * slow_time[:, :4]],
-        "rate of the force": m.rate(m.modelled)[:, None],
+        "rate of the force": m.ahead(m.modelled, m.references.get(LAG, 0.0))[:, None],
     }
     least = max(shortest(recorded), 1e-12)
     turns = [k for k in range(1, ORDERS + 1) if axis.turn / k >= least]
@@ -88,6 +91,9 @@ def families_of(recorded: Recorded, axis: Axis) -> tuple[ResidualStructure, ...]
         drawn |= {"recording": own, "recording, changing sign with direction": sign * own}
     if recorded.coasts:
         drawn = {name: drawn[name] for name in drawn if "force" not in name}
+    if not recorded.coasts:
+        gaps = np.geomspace(*gaps_of(axis), GAPS)
+        drawn["flight across a gap"] = np.stack([beyond_gap(m, float(gap)) for gap in gaps], axis=1)
     thin = {name: recorded.thin(columns) for name, columns in drawn.items()}
     if not recorded.coasts:  # its acceleration is all that there is to explain
         thin |= _of_acceleration(recorded)

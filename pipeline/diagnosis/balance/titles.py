@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.balance.borne_out import HeldBack, of_no_size
-from pmg.pipeline.diagnosis.balance.library.drive import GAP_TEST
+from pmg.pipeline.diagnosis.balance.library.elastic import GAP_TEST
 from pmg.pipeline.wording.plurals import uncapitalised
 
 if TYPE_CHECKING:

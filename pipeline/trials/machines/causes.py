@@ -93,8 +93,9 @@ CAUSES = (
     MadeCause("tiring_drive", COMMANDED, (("drive_fade",),), start=0.1, most=0.6),
     MadeCause("drive_limit", COMMANDED, (("drive_limit",),), start=0.3, most=0.8),
     MadeCause("two_masses", BOTH_WAYS, (("two_masses",),), start=0.3, most=0.8),
-    MadeCause("play", BOTH_WAYS, (), OUTSIDE, start=1.0, most=100.0),
+    MadeCause("play", BOTH_WAYS, (("backlash",),), start=1.0, most=100.0),
     MadeCause("film", BOTH_WAYS, (), OUTSIDE),
+    MadeCause("hum", BOTH_WAYS, (), OUTSIDE),
 )
 """Every cause of the trial."""
 
@@ -137,6 +138,7 @@ def draw_constants(machine: MadeMachine, rng: np.random.Generator) -> dict[str, 
         "far_damping": rng.uniform(0.01, 0.04),
         "sense": float(rng.choice([-1.0, 1.0])),
         "output": float(rng.integers(2)),
+        "hum_hertz": within * rng.uniform(0.08, 0.2),
     }
 
 
@@ -184,6 +186,8 @@ def built_with(
             return p._replace(ripple=dry, ripple_way=c["ripple_way"], ripple_second=c["ripple_second"])
         case "film":
             return p._replace(film=dry, film_time=c["film_time"], film_speed=0.3 * machine.fastest)
+        case "hum":
+            return p._replace(hum=dry, hum_hertz=c["hum_hertz"])
         case "drive_limit":
             return p._replace(limit=(1.0 - amplitude) * peak)
         case "tiring_drive":

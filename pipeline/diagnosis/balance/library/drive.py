@@ -17,7 +17,7 @@ from pmg.pipeline.diagnosis.balance.library.columns import (
     waves_of,
 )
 from pmg.pipeline.diagnosis.balance.library.drive_faults import chain_terms, drift, drive_faults
-from pmg.pipeline.diagnosis.balance.library.elastic import elastic_terms
+from pmg.pipeline.diagnosis.balance.library.elastic import elastic_terms, gap_terms
 from pmg.pipeline.diagnosis.balance.library.term import DURATION, MIDDLE, Motion, Quantity, Term
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
 from pmg.sim.signals import REVOLUTION
@@ -46,19 +46,11 @@ SPEED_TEST = "Run at eight or more constant speeds in both directions, in random
 WIDEST_BELL = 0.5
 """Width of a bell over speed, over the largest of an exponential: a wider one is level where a machine is slow, as dry
 friction is."""
-GAP_EDGE = 8
-"""Power by which the end of a gap falls off: steep, and smooth enough for its place to have an uncertainty."""
-GAP_TEST = "Hold the load and turn the motor gently back and forth: what it moves without effort is the gap"
 REPEAT_TEST = "Repeat the record after a rest and after a long run"
 
 
 def _periodic(m: Motion, period: float) -> Array:
     return waves_of(m, REVOLUTION * m.position / period)
-
-
-def _across_gap(m: Motion, gap: float) -> Array:
-    """Force missing while a gap is crossed (n, 2): of the load's friction and of its inertia, per unit of each."""
-    return -stack(m.sense, m.acceleration) * np.exp(-((m.travel / gap) ** GAP_EDGE))[:, None]
 
 
 def _ripple(axis: Axis) -> tuple[Quantity, Quantity]:
@@ -144,7 +136,7 @@ def _stribeck_terms(axis: Axis) -> Iterator[Term[Motion]]:
 
 
 def _terms_of_reversal(axis: Axis) -> Iterator[Term[Motion]]:
-    """What happens about a reversal: friction rises over a way or a speed, or a gap is crossed."""
+    """What happens about a reversal: friction rises over a way or a speed."""
     yield Term(
         "presliding",
         "Friction that rises over a way after reversal (Dahl)",
@@ -164,17 +156,6 @@ def _terms_of_reversal(axis: Axis) -> Iterator[Term[Motion]]:
         ANDERSSON,
         shape=Quantity("vr", axis.speed, axis.stribeck),
         separating_test="Reverse slowly and fast: the way over which friction rises shrinks if it rises over a speed",
-    )
-    yield Term(
-        "backlash",
-        "Backlash (after a reversal a gap is crossed before the load moves)",
-        "-(Fl sign(v) + m a) exp(-(travel/b)8)",
-        (*amount("Fl", axis.push, 1e4), *amount("m", axis.mass, 1e4)),
-        _across_gap,
-        BALANCE,
-        shape=Quantity("b", axis.length, axis.presliding),
-        separating_test=GAP_TEST,
-        of_parts=True,
     )
 
 
@@ -277,7 +258,15 @@ def _placed_terms(axis: Axis) -> Iterator[Term[Motion]]:
 def _drive_terms(axis: Axis) -> tuple[Term[Motion], ...]:
     """Every term of a drive, in the units of its axis."""
     plain = (*_plain_terms(axis), *_stribeck_terms(axis), *_terms_of_reversal(axis), *_curved_terms(axis))
-    return (*plain, *_placed_terms(axis), *elastic_terms(axis), *drift(axis), *chain_terms(axis), *drive_faults(axis))
+    return (
+        *plain,
+        *_placed_terms(axis),
+        *gap_terms(axis),
+        *elastic_terms(axis),
+        *drift(axis),
+        *chain_terms(axis),
+        *drive_faults(axis),
+    )
 
 
 DRIVE, ROTARY_DRIVE = _drive_terms(LINEAR), _drive_terms(ROTARY)

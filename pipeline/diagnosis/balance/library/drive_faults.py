@@ -22,6 +22,9 @@ LOST = (0.8, 1.25)
 """Part of what a command has beyond the limit of its drive that is lost: all of it, but for errors; where less is lost,
 the gain is off."""
 
+DELAY = "delay"
+"""Id of the delay of the motion behind the command."""
+
 GAIN = "actuator_gain"
 """Id of the gain of the drive, with which every amplitude that is not known grows."""
 
@@ -39,7 +42,7 @@ def chain_terms(axis: Axis) -> Iterator[Term[Motion]]:
         of_model=True,
     )
     yield Term(
-        "delay",
+        DELAY,
         f"Delay or lag of the position behind the {axis.pushes} command",
         "baseline terms at t + T, or T d/dt(baseline terms)",
         part("T", "s", 0.02),

@@ -1,4 +1,4 @@
-"""Terms of a machine that is not one rigid mass."""
+"""Terms of a machine that is not one rigid mass: a part of it on a spring, or beyond a gap."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 from scipy.signal import bilinear, lfilter, lfilter_zi
 
 from pmg.pipeline.diagnosis.balance.library.columns import amount, stack
+from pmg.pipeline.diagnosis.balance.library.drive_faults import DELAY
+from pmg.pipeline.diagnosis.balance.library.flight import HARD, SOFT, fly
 from pmg.pipeline.diagnosis.balance.library.term import Motion, Quantity, Term
 from pmg.sim.signals import REVOLUTION
 from pmg.sim.sources import BALANCE
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 RESONANCE = "two_masses"
 """Term of a mass on a spring."""
 
-LIKE_PLAY = frozenset({"delay", RESONANCE})
+LIKE_PLAY = frozenset({DELAY, RESONANCE})
 """Terms that together explain what play in a coupling does: it comes late, and lets the far side swing."""
 
 DAMPED = (0.02, 0.1)
@@ -32,8 +34,16 @@ DAMPED = (0.02, 0.1)
 HIGHEST = 0.4
 """Natural frequency, over the rate of the samples, from which on they do not show it."""
 
+GAP_EDGE = 8
+"""Power by which the end of a gap falls off: steep, and smooth enough for its place to have an uncertainty."""
+
+SMALLEST = 10.0
+"""Smallest gap that a load may fly across, over the smallest way in which friction may rise."""
+
 SETTLED = 3.0
 """Decay times of the free oscillation for which the machine is taken to have moved before it is recorded."""
+
+GAP_TEST = "Hold the load and turn the motor gently back and forth: what it moves without effort is the gap"
 
 TAP_TEST = (
     "Hold the machine and tap the driven mass, or sweep the command through the frequency, with a speed measured on "
@@ -49,7 +59,7 @@ def elastic_terms(axis: Axis) -> Iterator[Term[Motion]]:
             "A part of the mass on a spring (a resonance behind an elastic coupling or belt)",
             f"m (a_far - a), a_far of a mass on a spring of f Hz with {damping:g} of critical damping",
             amount("m", axis.mass, 1e5),
-            lambda m, hertz, damping=damping: stack(_carried(m, hertz, damping) - m.acceleration),  # type: ignore[misc]
+            lambda m, hertz, damping=damping: stack(_carried(m, hertz, damping) - m.clear_acceleration),  # type: ignore[misc]
             BALANCE,
             shape=Quantity("f", "Hz", (1.0, 100.0)),
             separating_test=TAP_TEST,
@@ -60,15 +70,70 @@ def elastic_terms(axis: Axis) -> Iterator[Term[Motion]]:
         )
 
 
+def gap_terms(axis: Axis) -> Iterator[Term[Motion]]:
+    """A load beyond a gap: one that friction holds until the gap is crossed, and one that flies across it."""
+    yield Term(
+        "backlash",
+        "Backlash (after a reversal a gap is crossed before the load moves)",
+        "-(Fl sign(v) + m a) exp(-(travel/b)8)",
+        (*amount("Fl", axis.push, 1e4), *amount("m", axis.mass, 1e4)),
+        _across_gap,
+        BALANCE,
+        shape=Quantity("b", axis.length, axis.presliding),
+        separating_test=GAP_TEST,
+        of_parts=True,
+    )
+    for rebound, variant in ((HARD, "hard"), (SOFT, "soft")):
+        yield Term(
+            "backlash",
+            "Backlash (a load that is braked or turned round flies across a gap)",
+            f"m (a_far - a), a_far of a mass that is free across b and rebounds with {rebound:g} of its speed",
+            amount("m", axis.mass, 1e4),
+            lambda m, gap, rebound=rebound: stack(beyond_gap(m, gap, rebound)),  # type: ignore[misc]
+            BALANCE,
+            shape=Quantity("b", axis.length, gaps_of(axis)),
+            separating_test=GAP_TEST,
+            needs_drive=True,
+            variant=variant,
+            sharp=True,
+            at_an_instant=False,
+        )
+
+
+def gaps_of(axis: Axis) -> tuple[float, float]:
+    """Smallest and largest gap that a load is looked for to fly across [m, rad]."""
+    return SMALLEST * axis.presliding[0], axis.presliding[1]
+
+
+def _across_gap(m: Motion, gap: float) -> Array:
+    """Force missing while a gap is crossed (n, 2): of the load's friction and of its inertia, per unit of each."""
+    return -stack(m.sense, m.acceleration) * np.exp(-((m.travel / gap) ** GAP_EDGE))[:, None]
+
+
+def beyond_gap(m: Motion, gap: float, rebound: float = HARD) -> Array:
+    """Acceleration of a load that flies across a gap, beyond that of the machine (n,).
+
+    The machine's is cleared of noise: with it a load at an even speed would fly to and fro, and what noise makes of
+    the acceleration is in what is left of the force as well.
+    """
+    clear = m.clear_acceleration
+    stretches = (np.split(values, m.starts[1:]) for values in (m.speed, clear))
+    found = []
+    for speed, change in zip(*stretches, strict=True):
+        moves = speed[0] + np.r_[0.0, np.cumsum(change[:-1])] * m.sample_time
+        found.append(np.gradient(fly(moves, m.sample_time, gap, rebound) - moves, m.sample_time))
+    return np.concatenate(found)
+
+
 def _carried(m: Motion, hertz: float, damping: float) -> Array:
     r"""Acceleration of a mass that the machine carries along through a damped spring (n,).
 
-    That of the machine behind :math:`(2\zeta\omega s + \omega^2)/(s^2 + 2\zeta\omega s + \omega^2)`, or its own where
-    the samples do not show the frequency. Before a recording began the machine is taken to have moved as after it,
-    mirrored, so that one which begins in motion does not ring.
+    That of the machine behind :math:`(2\zeta\omega s + \omega^2)/(s^2 + 2\zeta\omega s + \omega^2)`, which passes
+    little of its noise, or its own, without noise, where the samples do not show the frequency. Before a recording
+    began the machine is taken to have moved as after it, mirrored, so that one which begins in motion does not ring.
     """
     if hertz * m.sample_time > HIGHEST:
-        return m.acceleration
+        return m.clear_acceleration
     natural = 2.0 / m.sample_time * math.tan(0.5 * REVOLUTION * hertz * m.sample_time)  # as the samples have it
     b, a, settled = _through_spring(natural, damping, m.sample_time)
     before = round(SETTLED / (damping * natural * m.sample_time))

@@ -99,6 +99,11 @@ class Motion:
         return np.repeat(np.array(self.starts), np.diff([*self.starts, len(self.time)]))
 
     @property
+    def clear_acceleration(self) -> Array:
+        """Acceleration without what is noise in it (n,)."""
+        return np.asarray(self.acceleration - self.besides.get(NOISY, 0.0))
+
+    @property
     def elapsed(self) -> Array:
         """Time since the recording began [s], (n,)."""
         return self.besides.get(ELAPSED, np.asarray(self.time - self.time[self.first]))

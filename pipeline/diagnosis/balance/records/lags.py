@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.term import OF_LAGS
+from pmg.pipeline.diagnosis.balance.records.reversals import reversals
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case import Case
@@ -25,12 +26,13 @@ def with_lags(recorded: Recorded, case: Case) -> Recorded:
     Notes
     -----
     A lag of the first order changes a force by its derivative, a pure delay by more where its product with the
-    frequency is not small. Either is told by the same term.
+    frequency is not small. Either is told by the same term. Both show most where dry friction changes its sign, where
+    no record tells how: what it may do there is free.
     """
     if recorded.coasts:
         return recorded
     freed = [term for term in case.library if term.key in set(case.baseline) - set(case.fixed)]
-    free = np.hstack([recorded.columns(term) for term in freed])
+    free = np.hstack([*(recorded.columns(term) for term in freed), reversals(recorded, case.axis.rises)])
     named = ((term, OF_LAGS[term.identifier]) for term in case.library if term.identifier in OF_LAGS)
     found = {name: _delay(recorded, free, term, name) for term, name in named}
     told = {name: delay for name, delay in found.items() if delay != 0.0}

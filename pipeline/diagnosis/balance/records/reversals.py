@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.balance.library.term import LAG
+
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.library.term import Motion
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
@@ -49,5 +51,8 @@ def reversals(recorded: Recorded, ways: tuple[float, ...]) -> Array:
     passed = np.r_[0.0, m.travel[np.minimum(turns + recorded.keep_every, len(sense) - 1)]]
     since = passed[np.searchsorted(turns, np.arange(len(sense)), side="right")]
     besides += [np.where(since > way, sense * np.exp(-m.travel / way), 0.0) for way in ways if (passed > way).any()]
-    found = recorded.thin(np.stack([turned, m.rate(turned), at_rest, *besides], axis=1))
+    columns = [turned, m.rate(turned), at_rest, *besides]
+    if LAG in m.references:
+        columns += [m.ahead(each, m.references[LAG]) for each in columns]
+    found = recorded.thin(np.stack(columns, axis=1))
     return found if found.any() else found[:, :0]

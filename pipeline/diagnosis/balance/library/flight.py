@@ -1,0 +1,48 @@
+"""Flight of a load across the gap of a coupling, from stop to stop."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from pmg.sim.signals import Array
+
+HARD, SOFT = 0.6, 0.1
+"""Part of the speed at which a load meets a stop with which it leaves it: steel on steel, and what hardly rebounds."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fly(speed: Array, step: float, gap: float, rebound: float) -> Array:
+    r"""Speed of a load that nothing brakes but the stops at either end of a gap (n,) [m/s, rad/s].
+
+    Parameters
+    ----------
+    speed : (n,) array
+        Of what drives it [m/s, rad/s].
+    step : float
+        Time from sample to sample [s].
+    gap : float
+        Way from stop to stop [m, rad].
+    rebound : float
+        Part of the speed of meeting with which it leaves a stop, the e below.
+
+    Notes
+    -----
+    The way between both is :math:`x' = w - v`; where it would leave :math:`\pm b/2` the load takes the speed
+    :math:`v + e (v - w)`, unless it leaves the stop by itself. It begins at the stop by which it is driven.
+    """
+    carried = np.empty_like(speed)
+    end, now = 0.5 * gap, speed[0]
+    apart = -end if now > 0.0 else end
+    for k in range(len(speed)):
+        apart += (now - speed[k]) * step
+        met = speed[k] + rebound * (speed[k] - now)
+        if apart < -end:
+            apart, now = -end, max(now, met)
+        elif apart > end:
+            apart, now = end, min(now, met)
+        carried[k] = now
+    return carried
