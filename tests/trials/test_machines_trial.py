@@ -11,6 +11,7 @@ from tests.house import MODULES
 
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
+from pmg.pipeline.diagnosis.balance.search_record import search_record
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.trials.machines.campaign import LARGEST, LEAST, draw_machine_campaign
 from pmg.pipeline.trials.machines.causes import CAUSES
@@ -65,6 +66,22 @@ def test_a_campaign_is_read_from_its_files_and_its_causes_have_their_size(tmp_pa
     (part,) = campaign.parts
     assert part.asked == 0.0 or 0.8 * LEAST < part.reached < 1.2 * LARGEST
     assert campaign.right or part.name not in {cause.name for cause in CAUSES if cause.right}
+
+
+@pytest.mark.parametrize(("number", "kind"), [(0, "slide"), (91, "drive")])
+def test_a_late_reading_within_a_regulated_loop_is_a_delay_and_nothing_else(
+    tmp_path: Path, number: int, kind: str
+) -> None:
+    """What moves the machine unrecorded is in its acceleration and in the force; a mass on a spring follows both."""
+    lot = _machine_lots(160, 20261129601)[number]
+    campaign = draw_machine_campaign(lot.number, lot.stratum, lot.turn, lot.seed)
+    assert (campaign.machine.kind, [part.name for part in campaign.parts]) == (kind, ["delay"])
+    machine = write_campaign(campaign, tmp_path / "campaign")
+    case = case_of(read_machine(machine), machine.parent / "records")
+    found = search_record(case, read_recordings(case)[0], np.random.default_rng(1)).found
+    assert found is not None
+    assert found.best.ids == {"delay"}
+    assert found.remainder.within_noise
 
 
 def truth(stratum: str, right: list[list[str]], sign: bool = False) -> dict[str, Any]:

@@ -32,11 +32,16 @@ def fly(speed: Array, step: float, gap: float, rebound: float) -> Array:
     Notes
     -----
     The way between both is :math:`x' = w - v`; where it would leave :math:`\pm b/2` the load takes the speed
-    :math:`v + e (v - w)`, unless it leaves the stop by itself. It begins at the stop by which it is driven.
+    :math:`v + e (v - w)`, unless it leaves the stop by itself. It begins at the stop by which the machine drives it in
+    the sense of its first motion.
     """
     carried = np.empty_like(speed)
     end, now = 0.5 * gap, speed[0]
-    apart = -end if now > 0.0 else end
+    apart = 0.0
+    for each in speed:
+        if each != 0.0:
+            apart = -end if each > 0.0 else end
+            break
     for k in range(len(speed)):
         apart += (now - speed[k]) * step
         met = speed[k] + rebound * (speed[k] - now)
