@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pmg.pipeline.trials.motion.places import compiled
+from pmg.pipeline.files.compiled import compiled
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:

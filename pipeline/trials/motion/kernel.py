@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.files.compiled import compiled
 from pmg.pipeline.trials.motion import places as at
-from pmg.pipeline.trials.motion.places import compiled
 
 if TYPE_CHECKING:
     from typing import TypeAlias

@@ -2,21 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar, cast
-
-from numba import njit
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-F = TypeVar("F", bound="Callable[..., object]")
-
-
-def compiled(function: F) -> F:
-    """The function as machine code, kept between runs; it releases the interpreter while it works."""
-    return cast("F", njit(cache=True, nogil=True, error_model="numpy")(function))
-
-
 (
     # as built
     MOTOR_INERTIA,  # kg m2

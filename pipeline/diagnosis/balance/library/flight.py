@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+
+from pmg.pipeline.files.compiled import compiled
 
 if TYPE_CHECKING:
     from pmg.sim.signals import Array
@@ -14,7 +15,7 @@ HARD, SOFT = 0.6, 0.1
 """Part of the speed at which a load meets a stop with which it leaves it: steel on steel, and what hardly rebounds."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def fly(speed: Array, step: float, gap: float, rebound: float) -> Array:
     r"""Speed of a load that nothing brakes but the stops at either end of a gap (n,) [m/s, rad/s].
 
