@@ -39,6 +39,8 @@ class Axis:
     periods, stribeck, presliding : tuple of float
         Ranges of a period of position, of the speed over which friction falls or rises, and of the way over which it
         rises [SI].
+    gaps : tuple of float
+        Range of the way that a load may fly across [SI].
     turn : float
         Way after which the machine stands as before [rad]; zero of one that slides.
     rises : tuple of float
@@ -59,6 +61,7 @@ class Axis:
     periods: tuple[float, float]
     stribeck: tuple[float, float]
     presliding: tuple[float, float]
+    gaps: tuple[float, float]
     turn: float
     rises: tuple[float, ...]
 
@@ -103,6 +106,7 @@ LINEAR = Axis(
     periods=(2e-3, 1e-1),
     stribeck=(1e-3, 1e-1),
     presliding=(1e-6, 1e-2),
+    gaps=(1e-5, 1e-2),
     turn=0.0,
     rises=(1e-5, 1e-4, 1e-3),
 )
@@ -123,6 +127,7 @@ ROTARY = Axis(
     periods=(REVOLUTION / 360.0, 20.0 * REVOLUTION),
     stribeck=(2e-2, 1e2),
     presliding=(1e-5, 3.0),
+    gaps=(1e-4, 3.0),
     turn=REVOLUTION,
     rises=(1e-3, 1e-2, 1e-1, 1.0),
 )

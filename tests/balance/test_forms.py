@@ -114,7 +114,7 @@ def test_a_mass_on_a_spring_is_found_with_its_frequency(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, lambda m: dry(m) - FAR * m.a + FAR * carried(m), terms=DRY)
     assert (found.verdict, named(found)) == (Verdict.NAMED, {"two_masses"})
     (fit,) = found.steps[-1].fitted.fits
-    assert fit.shape == pytest.approx(HERTZ, rel=0.03)
+    assert fit.shape == pytest.approx(HERTZ, rel=0.04)
     assert float(fit.amplitudes[0]) == pytest.approx(FAR, rel=0.15)
 
 

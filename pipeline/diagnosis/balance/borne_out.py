@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -11,8 +12,8 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
 from pmg.pipeline.diagnosis.balance.contest import settled
 from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
-from pmg.pipeline.diagnosis.balance.library.drive_faults import DELAY
 from pmg.pipeline.diagnosis.balance.library.elastic import LIKE_PLAY
+from pmg.pipeline.diagnosis.balance.library.term import DELAY
 from pmg.pipeline.diagnosis.balance.low_passes import FACTORS
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.found_set import name_part
@@ -24,9 +25,11 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried
     from pmg.pipeline.diagnosis.balance.search_record import Searched
 
-FAST, SLOWER, SURELY = 0.95, 0.85, 4.0
-"""Part of the samples that a delay moves less than the others, part of the delay of those others below which theirs is
-another one, and standard errors by which it must be."""
+MOST_MOVED = 0.95
+"""Quantile of the force that a delay moves, above which it must be the same as below."""
+
+SHORTER, SURELY = 0.85, 4.0
+"""Delay of the samples below, over that above, from which on down it is another one, if by so many standard errors."""
 
 
 class HeldBack(StrEnum):
@@ -37,7 +40,9 @@ class HeldBack(StrEnum):
     WORSE_WITHHELD = "worse withheld"
     """It makes the error on the withheld record larger by a tenth or more, with certainty."""
     LIKE_PLAY = "like play"
-    """Play in a coupling would be explained by the same terms, or by a delay that is longer in its few moments."""
+    """Play in a coupling would be explained by the same terms."""
+    UNEVEN_DELAY = "uneven delay"
+    """The delay is shorter where it moves the force less."""
     SIZE_UNKNOWN = "size unknown"
     """Left out in turn, parts of the record move its size by more than itself: a few samples carry it."""
 
@@ -90,8 +95,10 @@ def held_back(
     worse : bool
         Whether they make the error on the withheld record larger.
     """
-    if {fit.identifier for fit in s.named} >= LIKE_PLAY or _late_at_times(s.problem, s.named):
+    if {fit.identifier for fit in s.named} >= LIKE_PLAY:
         return HeldBack.LIKE_PLAY
+    if _late_at_times(s.problem, s.named):
+        return HeldBack.UNEVEN_DELAY
     if of_no_size(fitted):
         return HeldBack.SIZE_UNKNOWN
     if worse:
@@ -109,13 +116,13 @@ def _late_at_times(problem: TermProblem, named: tuple[TermFit, ...]) -> bool:
             continue
         beside = settled(problem, tuple(other for other in named if other is not fit))
         column = problem.columns_of(fit.candidate, fit.shape)
-        fast = np.abs(column) > np.quantile(np.abs(column), FAST)
-        parts = beside.project(np.hstack([np.where(fast, column, 0.0), np.where(fast, 0.0, column)]))
-        most, less = np.linalg.lstsq(parts, beside.left, rcond=None)[0]
-        left = beside.left - parts @ np.array([most, less])
-        squares = np.diag(np.linalg.pinv(parts.T @ parts)) * float(left @ left) / len(left)
-        surely = abs(most - less) > SURELY * float(np.sqrt(squares.sum()))
-        if surely and abs(less) < SLOWER * abs(most):
+        most = np.abs(column) > np.quantile(np.abs(column), MOST_MOVED)
+        parts = beside.project(np.hstack([np.where(most, column, 0.0), np.where(most, 0.0, column)]))
+        long, short = np.linalg.lstsq(parts, beside.left, rcond=None)[0]
+        left = beside.left - parts @ np.array([long, short])
+        apart = np.array([1.0, -1.0])
+        square = apart @ np.linalg.pinv(parts.T @ parts) @ apart * float(left @ left) / len(left)
+        if abs(long - short) > SURELY * math.sqrt(square) and short / long < SHORTER:
             return True
     return False
 

@@ -143,7 +143,7 @@ def diagnose_terms(
     of_whole = of_part = _judged(whole, case, recorded, withheld, rng, low_passes)
     while of_part.verdict is Verdict.NOT_IN_LIBRARY:
         proof = of_part.held_out
-        if proof is None or of_part.impossible or of_part.held_back is HeldBack.LIKE_PLAY:
+        if proof is None or of_part.impossible or of_part.held_back in (HeldBack.LIKE_PLAY, HeldBack.UNEVEN_DELAY):
             return of_whole
         smaller = sure_part(part, proof.in_every_part, case, low_passes)
         if smaller is None:

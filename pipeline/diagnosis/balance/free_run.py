@@ -9,8 +9,8 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.estimate import INERTIA
 from pmg.pipeline.diagnosis.balance.known_terms import SetTerm, missing_parameters, set_terms
-from pmg.pipeline.diagnosis.balance.library.drive_faults import DELAY, GAIN
-from pmg.pipeline.diagnosis.balance.library.term import Motion
+from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
+from pmg.pipeline.diagnosis.balance.library.term import DELAY, Motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.columns import waves_of
-from pmg.pipeline.diagnosis.balance.library.elastic import beyond_gap, gaps_of
+from pmg.pipeline.diagnosis.balance.library.elastic import beyond_gap
 from pmg.pipeline.diagnosis.balance.library.term import LAG, OUT, TEMPERATURE
 from pmg.pipeline.diagnosis.balance.periods import shortest
 from pmg.pipeline.fit.structure import ResidualStructure
@@ -30,7 +30,7 @@ FINE_WAVES = 200
 SAMPLES_PER_WAVE = 16
 """Samples of the regression that each of them calls for: more would leave too little to tell the noise by."""
 
-GAPS = 12
+GAPS = 8
 """Gaps that a load may fly across, evenly spaced on a logarithm."""
 
 ORDERS = 24
@@ -91,8 +91,8 @@ def families_of(recorded: Recorded, axis: Axis) -> tuple[ResidualStructure, ...]
         drawn |= {"recording": own, "recording, changing sign with direction": sign * own}
     if recorded.coasts:
         drawn = {name: drawn[name] for name in drawn if "force" not in name}
-    if not recorded.coasts:
-        gaps = np.geomspace(*gaps_of(axis), GAPS)
+    else:
+        gaps = np.geomspace(*axis.gaps, GAPS)
         drawn["flight across a gap"] = np.stack([beyond_gap(m, float(gap)) for gap in gaps], axis=1)
     thin = {name: recorded.thin(columns) for name, columns in drawn.items()}
     if not recorded.coasts:  # its acceleration is all that there is to explain

@@ -40,6 +40,9 @@ def why_held_back(diagnosis: TermsDiagnosis) -> str:
     found = titles_of(step.fitted.fits[-1] for step in diagnosis.steps[1:])
     if diagnosis.held_back is HeldBack.LIKE_PLAY:
         return f"{found} would explain it, but play in a coupling looks the same. {GAP_TEST}."
+    if diagnosis.held_back is HeldBack.UNEVEN_DELAY:
+        uneven = "the delay is shorter where it moves the force less, and play in a coupling is late for moments only"
+        return f"{found} would explain it, but {uneven}. {GAP_TEST}."
     if diagnosis.held_back is HeldBack.WORSE_WITHHELD:
         return f"{found} would explain it, but the error on the withheld record is larger with it."
     if diagnosis.held_back is HeldBack.SIZE_UNKNOWN:

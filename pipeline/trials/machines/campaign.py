@@ -43,6 +43,9 @@ KNOWN_UNRECORDED = 0.004
 TRIES = 7
 """Runs in the search for an amplitude."""
 
+HUM_PHASE = 2.4
+"""By how much a hum has moved on from record to record [rad]."""
+
 ENDS = 400
 """Samples at either end that the filter of the yardstick spoils."""
 
@@ -150,7 +153,8 @@ def _records(
     streams = np.random.SeedSequence(0).spawn(3) if noise is None else noise.spawn(3)
     if noise is not None:  # the same draws at every call
         streams = np.random.SeedSequence(noise.entropy, spawn_key=noise.spawn_key).spawn(3)
-    for course, stream in zip(courses, streams, strict=True):
+    for k, (course, stream) in enumerate(zip(courses, streams, strict=True)):
+        plant = plant._replace(hum_phase=HUM_PHASE * k)
         shown = run_course(machine, plant, course, np.random.default_rng(stream), quiet=noise is None)
         if machine.kind == "wheel":
             shown = _while_it_turns(shown)

@@ -56,6 +56,7 @@ class PlantNumbers(NamedTuple):
     film_speed: float = 1.0
     hum: float = 0.0
     hum_hertz: float = 1.0
+    hum_phase: float = 0.0
 
 
 @compiled
@@ -149,7 +150,7 @@ def integrate_plant(p: PlantNumbers, asked: Array, load: Array, shaken: Array, s
         out[i, 0], out[i, 1], out[i, 2] = state[0], state[1], command
         lagging += (abs(state[1]) - lagging) * step / p.film_time
         push = _given(p, command, time) + load[i] + shaken[i] - _of_film(p, state[1], lagging)
-        push += p.hum * np.sin(REVOLUTION * p.hum_hertz * time)
+        push += p.hum * np.sin(REVOLUTION * p.hum_hertz * time + p.hum_phase)
         before = state[0]
         a = _rates(p, state, push, bristle, load[i], time)
         b = _rates(p, state + 0.5 * step * a, push, bristle, load[i], time + 0.5 * step)

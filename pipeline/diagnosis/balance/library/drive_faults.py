@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.columns import SETTLES, amount, part, settling, stack
-from pmg.pipeline.diagnosis.balance.library.term import DURATION, EXCEEDED, LAG, Motion, Quantity, Term
+from pmg.pipeline.diagnosis.balance.library.term import DELAY, DURATION, EXCEEDED, LAG, Motion, Quantity, Term
 from pmg.sim.sources import BALANCE
 
 if TYPE_CHECKING:
@@ -21,9 +21,6 @@ FADE_TEST = "Repeat the record after a rest and after a long run, and measure th
 LOST = (0.8, 1.25)
 """Part of what a command has beyond the limit of its drive that is lost: all of it, but for errors; where less is lost,
 the gain is off."""
-
-DELAY = "delay"
-"""Id of the delay of the motion behind the command."""
 
 GAIN = "actuator_gain"
 """Id of the gain of the drive, with which every amplitude that is not known grows."""

@@ -7,12 +7,12 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import bilinear, lfilter, lfilter_zi
 
 from pmg.pipeline.diagnosis.balance.library.columns import amount, stack
-from pmg.pipeline.diagnosis.balance.library.drive_faults import DELAY
 from pmg.pipeline.diagnosis.balance.library.flight import HARD, SOFT, fly
-from pmg.pipeline.diagnosis.balance.library.term import Motion, Quantity, Term
+from pmg.pipeline.diagnosis.balance.library.term import DELAY, Motion, Quantity, Term
 from pmg.sim.signals import REVOLUTION
 from pmg.sim.sources import BALANCE
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.machine.axis import Axis
     from pmg.sim.signals import Array
 
-RESONANCE = "two_masses"
-"""Term of a mass on a spring."""
+RESONANCE, BACKLASH = "two_masses", "backlash"
+"""Terms of a mass on a spring, and of a load beyond a gap."""
 
 LIKE_PLAY = frozenset({DELAY, RESONANCE})
 """Terms that together explain what play in a coupling does: it comes late, and lets the far side swing."""
@@ -36,9 +36,6 @@ HIGHEST = 0.4
 
 GAP_EDGE = 8
 """Power by which the end of a gap falls off: steep, and smooth enough for its place to have an uncertainty."""
-
-SMALLEST = 10.0
-"""Smallest gap that a load may fly across, over the smallest way in which friction may rise."""
 
 SETTLED = 3.0
 """Decay times of the free oscillation for which the machine is taken to have moved before it is recorded."""
@@ -59,7 +56,7 @@ def elastic_terms(axis: Axis) -> Iterator[Term[Motion]]:
             "A part of the mass on a spring (a resonance behind an elastic coupling or belt)",
             f"m (a_far - a), a_far of a mass on a spring of f Hz with {damping:g} of critical damping",
             amount("m", axis.mass, 1e5),
-            lambda m, hertz, damping=damping: stack(_carried(m, hertz, damping) - m.clear_acceleration),  # type: ignore[misc]
+            lambda m, hertz, damping=damping: stack(_carried(m, hertz, damping) - m.clear_acceleration),  # type: ignore[misc]  # bound now
             BALANCE,
             shape=Quantity("f", "Hz", (1.0, 100.0)),
             separating_test=TAP_TEST,
@@ -73,8 +70,8 @@ def elastic_terms(axis: Axis) -> Iterator[Term[Motion]]:
 def gap_terms(axis: Axis) -> Iterator[Term[Motion]]:
     """A load beyond a gap: one that friction holds until the gap is crossed, and one that flies across it."""
     yield Term(
-        "backlash",
-        "Backlash (after a reversal a gap is crossed before the load moves)",
+        BACKLASH,
+        "Backlash (the load moves on once a gap is crossed)",
         "-(Fl sign(v) + m a) exp(-(travel/b)8)",
         (*amount("Fl", axis.push, 1e4), *amount("m", axis.mass, 1e4)),
         _across_gap,
@@ -85,24 +82,19 @@ def gap_terms(axis: Axis) -> Iterator[Term[Motion]]:
     )
     for rebound, variant in ((HARD, "hard"), (SOFT, "soft")):
         yield Term(
-            "backlash",
-            "Backlash (a load that is braked or turned round flies across a gap)",
+            BACKLASH,
+            "Backlash (the load moves on once a gap is crossed)",
             f"m (a_far - a), a_far of a mass that is free across b and rebounds with {rebound:g} of its speed",
             amount("m", axis.mass, 1e4),
-            lambda m, gap, rebound=rebound: stack(beyond_gap(m, gap, rebound)),  # type: ignore[misc]
+            lambda m, gap, rebound=rebound: stack(beyond_gap(m, gap, rebound)),  # type: ignore[misc]  # bound now
             BALANCE,
-            shape=Quantity("b", axis.length, gaps_of(axis)),
+            shape=Quantity("b", axis.length, axis.gaps),
             separating_test=GAP_TEST,
             needs_drive=True,
             variant=variant,
             sharp=True,
             at_an_instant=False,
         )
-
-
-def gaps_of(axis: Axis) -> tuple[float, float]:
-    """Smallest and largest gap that a load is looked for to fly across [m, rad]."""
-    return SMALLEST * axis.presliding[0], axis.presliding[1]
 
 
 def _across_gap(m: Motion, gap: float) -> Array:
@@ -116,21 +108,21 @@ def beyond_gap(m: Motion, gap: float, rebound: float = HARD) -> Array:
     The machine's is cleared of noise: with it a load at an even speed would fly to and fro, and what noise makes of
     the acceleration is in what is left of the force as well.
     """
-    clear = m.clear_acceleration
-    stretches = (np.split(values, m.starts[1:]) for values in (m.speed, clear))
+    stretches = (np.split(values, m.starts[1:]) for values in (m.speed, m.clear_acceleration, m.sense))
     found = []
-    for speed, change in zip(*stretches, strict=True):
-        moves = speed[0] + np.r_[0.0, np.cumsum(change[:-1])] * m.sample_time
-        found.append(np.gradient(fly(moves, m.sample_time, gap, rebound) - moves, m.sample_time))
+    for speed, change, sense in zip(*stretches, strict=True):
+        moves = speed[0] + cumulative_trapezoid(change, dx=m.sample_time, initial=0)
+        driven = float(sense[np.argmax(sense != 0.0)])
+        found.append(np.gradient(fly(moves, m.sample_time, gap, rebound, driven) - moves, m.sample_time))
     return np.concatenate(found)
 
 
 def _carried(m: Motion, hertz: float, damping: float) -> Array:
-    r"""Acceleration of a mass that the machine carries along through a damped spring (n,).
+    r"""Acceleration, without noise, of a mass that the machine carries along through a damped spring (n,).
 
-    That of the machine behind :math:`(2\zeta\omega s + \omega^2)/(s^2 + 2\zeta\omega s + \omega^2)`, which passes
-    little of its noise, or its own, without noise, where the samples do not show the frequency. Before a recording
-    began the machine is taken to have moved as after it, mirrored, so that one which begins in motion does not ring.
+    That of the machine behind :math:`(2\zeta\omega s + \omega^2)/(s^2 + 2\zeta\omega s + \omega^2)`, or its own where
+    the samples do not show the frequency. Before a recording began the machine is taken to have moved as after it,
+    mirrored, so that one which begins in motion does not ring.
     """
     if hertz * m.sample_time > HIGHEST:
         return m.clear_acceleration
@@ -138,7 +130,7 @@ def _carried(m: Motion, hertz: float, damping: float) -> Array:
     b, a, settled = _through_spring(natural, damping, m.sample_time)
     before = round(SETTLED / (damping * natural * m.sample_time))
     found = []
-    for part in np.split(m.acceleration, m.starts[1:]):
+    for part in np.split(m.clear_acceleration, m.starts[1:]):
         mirrored = 2.0 * part[0] - part[before:0:-1]
         whole = np.r_[mirrored, part]
         found.append(lfilter(b, a, whole, zi=settled * whole[0])[0][len(mirrored) :])

@@ -16,7 +16,7 @@ HARD, SOFT = 0.6, 0.1
 
 
 @compiled
-def fly(speed: Array, step: float, gap: float, rebound: float) -> Array:
+def fly(speed: Array, step: float, gap: float, rebound: float, driven: float) -> Array:
     r"""Speed of a load that nothing brakes but the stops at either end of a gap (n,) [m/s, rad/s].
 
     Parameters
@@ -29,23 +29,22 @@ def fly(speed: Array, step: float, gap: float, rebound: float) -> Array:
         Way from stop to stop [m, rad].
     rebound : float
         Part of the speed of meeting with which it leaves a stop, the e below.
+    driven : float
+        Sense in which it is driven at first, which tells the stop that it begins at; zero for neither.
 
     Notes
     -----
     The way between both is :math:`x' = w - v`; where it would leave :math:`\pm b/2` the load takes the speed
-    :math:`v + e (v - w)`, unless it leaves the stop by itself. It begins at the stop by which the machine drives it in
-    the sense of its first motion.
+    :math:`v + e (v - w)`, or :math:`v` where it has been at that stop the sample before, unless it leaves by itself.
     """
     carried = np.empty_like(speed)
-    end, now = 0.5 * gap, speed[0]
-    apart = 0.0
-    for each in speed:
-        if each != 0.0:
-            apart = -end if each > 0.0 else end
-            break
-    for k in range(len(speed)):
-        apart += (now - speed[k]) * step
-        met = speed[k] + rebound * (speed[k] - now)
+    carried[0] = now = speed[0]
+    end, rests = 0.5 * gap, driven != 0.0
+    apart = -end * driven
+    for k in range(1, len(speed)):
+        apart += (now - 0.5 * (speed[k - 1] + speed[k])) * step
+        met = speed[k] if rests else speed[k] + rebound * (speed[k] - now)
+        rests = abs(apart) > end
         if apart < -end:
             apart, now = -end, max(now, met)
         elif apart > end:

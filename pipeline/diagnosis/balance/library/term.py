@@ -39,8 +39,9 @@ LAG, INPUT_LAG, OUTPUT_LAG = "lag", "input_lag", "output_lag"
 """References of columns: delay of the motion, of the input's or the output's torque about which a change in time is
 taken [s]; absent where a first derivative fits better."""
 
-OF_LAGS = {"delay": LAG, "input_torque_lag": INPUT_LAG, "output_torque_lag": OUTPUT_LAG}
-"""Terms of a lag, and the reference that each takes."""
+DELAY = "delay"
+OF_LAGS = {DELAY: LAG, "input_torque_lag": INPUT_LAG, "output_torque_lag": OUTPUT_LAG}
+"""Term of the motion behind the command; terms of a lag, and the reference that each takes."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.library.columns import waves_of
 from pmg.pipeline.diagnosis.balance.library.drive import ROTARY_DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import (
+    DELAY,
     INPUT_LAG,
     KNOWN,
     OUT,
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 OF_A_COMMAND = frozenset(
     {
         "actuator_gain",
-        "delay",
+        DELAY,
         "dead_zone",
         "drive_fade",
         "drive_limit",
