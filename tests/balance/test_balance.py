@@ -76,7 +76,7 @@ def value(diagnosis: TermsDiagnosis, term: str) -> tuple[float, float]:
 # --- planted truths ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("first", [0, pytest.param(10, marks=slow), 20, pytest.param(30, marks=slow)])
+@pytest.mark.parametrize("first", [0, *(pytest.param(k, marks=slow) for k in (10, 20, 30))])
 def test_a_clean_drive_has_nothing_named(tmp_path: Path, first: int) -> None:
     verdicts = []
     for seed in range(first, first + 10):
