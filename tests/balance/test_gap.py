@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, cast
@@ -10,16 +11,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.balance.slide import RATE, Moving
+from tests.balance.reading import read_one
+from tests.balance.slide import RATE, Moving, make_case
 from tests.balance.test_balance import diagnosed, named, value
 from tests.balance.test_forms import DRY, dry
 
 from pmg.pipeline.diagnosis.balance.borne_out import HeldBack, held_back
+from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
 from pmg.pipeline.diagnosis.balance.library.elastic import beyond_gap
 from pmg.pipeline.diagnosis.balance.library.flight import fly
-from pmg.pipeline.diagnosis.balance.library.term import DELAY, NOISY, Motion
+from pmg.pipeline.diagnosis.balance.library.term import DELAY, LAG, NOISY, Motion
+from pmg.pipeline.diagnosis.balance.records.reversals import reversals
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -97,13 +101,21 @@ def test_a_load_that_is_driven_steadily_moves_along() -> None:
 
 def test_a_load_that_flies_across_a_gap_is_backlash(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, loaded, terms=DRY)
-    assert found.mismatch.found
-    best = found.naming.best.fits if found.naming is not None else ()
-    assert {fit.identifier for fit in best} == {"backlash"}
-    (fit,) = best
-    assert fit.candidate.variant
+    assert (found.verdict, named(found)) == (Verdict.NAMED, {"backlash"})
+    (fit,) = found.steps[-1].fitted.fits
+    assert fit.candidate.variant == "hard"
     assert fit.shape == pytest.approx(GAP, rel=0.1)
-    assert float(fit.amplitudes[0]) == pytest.approx(LOAD, rel=0.2)
+    assert float(fit.amplitudes[0]) == pytest.approx(LOAD, rel=0.1)
+
+
+def test_reversals_are_free_at_a_delay_too(tmp_path: Path) -> None:
+    case = read_case(make_case(tmp_path, lambda m: np.interp(m.t + 0.012, m.t, dry(m)), 3, DRY, ""))
+    late = read_one(case.fit[0], case)
+    assert late.motion.references[LAG] == pytest.approx(0.012, rel=0.1)
+    plain = replace(late, motion=replace(late.motion, references={}))
+    both, once = (reversals(each, case.axis.rises) for each in (late, plain))
+    assert both.shape[1] == 2 * once.shape[1]
+    np.testing.assert_array_equal(both[:, : once.shape[1]], once)
 
 
 def test_a_delay_of_a_drive_with_dry_friction_has_its_size(tmp_path: Path) -> None:
