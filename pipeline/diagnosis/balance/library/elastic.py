@@ -34,6 +34,9 @@ DAMPED = (0.02, 0.1)
 HIGHEST = 0.4
 """Natural frequency, over the rate of the samples, from which on they do not show it."""
 
+BACKLASH_TITLE = "Backlash (the load moves on once a gap is crossed)"
+"""Title of every form of backlash."""
+
 GAP_EDGE = 8
 """Power by which the end of a gap falls off: steep, and smooth enough for its place to have an uncertainty."""
 
@@ -71,7 +74,7 @@ def gap_terms(axis: Axis) -> Iterator[Term[Motion]]:
     """A load beyond a gap: one that friction holds until the gap is crossed, and one that flies across it."""
     yield Term(
         BACKLASH,
-        "Backlash (the load moves on once a gap is crossed)",
+        BACKLASH_TITLE,
         "-(Fl sign(v) + m a) exp(-(travel/b)8)",
         (*amount("Fl", axis.push, 1e4), *amount("m", axis.mass, 1e4)),
         _across_gap,
@@ -83,7 +86,7 @@ def gap_terms(axis: Axis) -> Iterator[Term[Motion]]:
     for rebound, variant in ((HARD, "hard"), (SOFT, "soft")):
         yield Term(
             BACKLASH,
-            "Backlash (the load moves on once a gap is crossed)",
+            BACKLASH_TITLE,
             f"m (a_far - a), a_far of a mass that is free across b and rebounds with {rebound:g} of its speed",
             amount("m", axis.mass, 1e4),
             lambda m, gap, rebound=rebound: stack(beyond_gap(m, gap, rebound)),  # type: ignore[misc]  # bound now
