@@ -83,6 +83,16 @@ def test_a_delay_and_a_gain_act_on_the_force() -> None:
     np.testing.assert_allclose(1.25 * weaker_way, first_way, atol=1e-9)
 
 
+def test_what_a_dead_zone_takes_of_a_command_drives_nothing() -> None:
+    force = 40.0 * np.sin(2.0 * np.pi * np.arange(3000) / RATE)
+    plain = _set(inertia=MASS, viscous=100.0)
+    first = free_run("m", _record(force, force), plain)
+    with_it = free_run("m", _record(force + 8.0 * np.sign(force), force), plain + _set(dead_zone=8.0))
+    assert first is not None
+    assert with_it is not None
+    np.testing.assert_allclose(with_it.simulated, first.simulated, atol=1e-9)
+
+
 def test_without_a_mass_there_is_nothing_to_solve() -> None:
     assert free_run("m", _record(np.ones(10), np.ones(10)), _set(viscous=3.0)) is None
 

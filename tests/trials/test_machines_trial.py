@@ -85,6 +85,32 @@ def test_a_late_reading_within_a_regulated_loop_is_a_delay_and_nothing_else(
     assert found.remainder.within_noise
 
 
+@pytest.mark.parametrize(
+    ("number", "named"), [(34, {"dead_zone"}), pytest.param(65, {"dead_zone", "constant_offset"}, marks=slow)]
+)
+def test_a_dead_zone_is_told_where_nobody_knows_when_exactly_the_command_changes_its_sense(
+    tmp_path: Path, number: int, named: set[str]
+) -> None:
+    """It distorts what a baseline without it gives, and what acts unrecorded blurs it: it was left open as too odd."""
+    lot = _machine_lots(160, 20261130201)[number]
+    campaign = draw_machine_campaign(lot.number, lot.stratum, lot.turn, lot.seed)
+    machine = write_campaign(campaign, tmp_path / "campaign")
+    case = case_of(read_machine(machine), machine.parent / "records")
+    recorded, withheld = read_recordings(case)
+    searched = search_record(case, recorded, np.random.default_rng(1))
+    assert searched.found is not None
+    assert searched.found.best.ids == named
+    assert searched.found.remainder.within_noise
+    (size,) = (float(fit.amplitudes[0]) for fit in searched.named if fit.identifier == "dead_zone")
+    part = next(part for part in campaign.parts if part.name == "dead_zone")
+    assert size == pytest.approx(part.amplitude * campaign.machine.plant.coulomb, rel=0.05)
+    assert withheld is not None
+    motion = withheld.motion
+    acts = motion.force - size * np.sign(motion.force)
+    off = [float(np.std(given.motion.modelled - acts)) for given in (withheld, searched.alike(withheld))]
+    assert off[1] < 0.9 * off[0], "fitted without it, friction holds a part of the dead zone"
+
+
 def truth(stratum: str, right: list[list[str]], sign: bool = False) -> dict[str, Any]:
     return {"stratum": stratum, "right": right, "sign": sign, "kind": "slide", "parts": []}
 

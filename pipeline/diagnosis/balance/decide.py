@@ -140,7 +140,7 @@ def diagnose_terms(
         What the search says with half the low-pass and with twice, where that was asked.
     """
     whole = part = search_record(case, recorded, rng)
-    of_whole = of_part = _judged(whole, case, recorded, withheld, rng, low_passes)
+    of_whole = of_part = _judged(whole, withheld, rng, low_passes)
     while of_part.verdict is Verdict.NOT_IN_LIBRARY:
         proof = of_part.held_out
         if proof is None or of_part.impossible or of_part.held_back in (HeldBack.LIKE_PLAY, HeldBack.UNEVEN_DELAY):
@@ -148,20 +148,16 @@ def diagnose_terms(
         smaller = sure_part(part, proof.in_every_part, case, low_passes)
         if smaller is None:
             return of_whole
-        part, of_part = smaller, _judged(smaller, case, recorded, withheld, rng, low_passes)
+        part, of_part = smaller, _judged(smaller, withheld, rng, low_passes)
     kept = {fit.identifier for fit in part.named}
     return replace(of_part, left_out=tuple(fit for fit in whole.named if fit.identifier not in kept))
 
 
 def _judged(
-    s: Searched,
-    case: Case,
-    recorded: Recorded,
-    withheld: Recorded | None,
-    rng: np.random.Generator,
-    low_passes: tuple[LowPassTried, ...],
+    s: Searched, withheld: Recorded | None, rng: np.random.Generator, low_passes: tuple[LowPassTried, ...]
 ) -> TermsDiagnosis:
     """The verdict on what a search found, with its proof."""
+    case, recorded, withheld = s.case, s.recorded, None if withheld is None else s.alike(withheld)
     noise, found, named = s.noise.noise, s.found, s.named
     apart = rng.spawn(1)[0]
     further = FurtherDecoys(0, 0, 0.0, ()) if found is None else _further_decoys(s, found, recorded, withheld, rng)

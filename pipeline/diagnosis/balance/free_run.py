@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.estimate import INERTIA
 from pmg.pipeline.diagnosis.balance.known_terms import SetTerm, missing_parameters, set_terms
-from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
+from pmg.pipeline.diagnosis.balance.library.drive_faults import DEAD_ZONE, GAIN
 from pmg.pipeline.diagnosis.balance.library.term import DELAY, Motion
 
 if TYPE_CHECKING:
@@ -26,6 +26,9 @@ MANY = 1e4
 
 FADE, LIMIT = "drive_fade", "drive_limit"
 """Terms that change what force acts when, instead of adding one."""
+
+OF_COMMAND = frozenset({DELAY, FADE, GAIN, LIMIT, DEAD_ZONE})
+"""All that do and are undone."""
 
 RUNS_AWAY = 1e6
 """Speed [SI] from which on a simulation is given up: its errors are NaN."""
@@ -137,7 +140,7 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm], *, of_spe
     r"""The position of a record, or its speed, from its force, its first position and speed.
 
     None where no term holds a mass, so that there is nothing to solve, and where the force of one at an instant is not
-    known. A limit of the drive, a delay, a gain and a fade act on the force.
+    known. A limit of the drive, its dead zone, a delay, a gain and a fade act on the force.
 
     Notes
     -----
@@ -147,9 +150,7 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm], *, of_spe
     """
     mass = sum(float(each.amplitudes[0]) for each in terms if each.term.identifier == INERTIA)
     others = [each for each in terms if each.term.identifier != INERTIA and not each.term.of_model]
-    at_once = (
-        e.term.identifier in (DELAY, FADE, GAIN, LIMIT) if e.term.of_model else e.term.at_an_instant for e in terms
-    )
+    at_once = (e.term.identifier in OF_COMMAND if e.term.of_model else e.term.at_an_instant for e in terms)
     if mass <= 0.0 or not all(at_once):
         return None
     motion, h = recorded.motion, recorded.motion.sample_time
@@ -192,7 +193,7 @@ def _driving(motion: Motion, terms: Sequence[SetTerm]) -> Array:
     whole = replace(motion, modelled=np.ones_like(motion.time))
 
     def size_of(name: str) -> float:
-        """Delay or gain in all."""
+        """Delay, gain or dead zone in all."""
         return sum(float(e.amplitudes[0]) for e in terms if e.term.of_model and e.term.identifier == name)
 
     def of(name: str) -> Array:
@@ -202,4 +203,5 @@ def _driving(motion: Motion, terms: Sequence[SetTerm]) -> Array:
         return np.asarray(sum(parts, np.zeros_like(motion.time)))
 
     late = np.interp(motion.time - size_of(DELAY), motion.time, motion.force - of(LIMIT))
+    late = np.sign(late) * np.maximum(np.abs(late) - size_of(DEAD_ZONE), 0.0)
     return np.asarray(late / (1.0 + size_of(GAIN) + of(FADE)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -12,14 +13,16 @@ from pmg.pipeline.diagnosis.balance.estimate import design_of, for_search
 from pmg.pipeline.diagnosis.balance.fitting import tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.known_terms import beside_known
 from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
-from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
+from pmg.pipeline.diagnosis.balance.library.drive_faults import DEAD_ZONE, GAIN, scatter_of_sense
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, record_evidence
 from pmg.pipeline.diagnosis.balance.noise_model import noise_of
+from pmg.pipeline.diagnosis.balance.records.recorded import modelled_by
 from pmg.pipeline.diagnosis.balance.records.reversals import reversals
 from pmg.pipeline.diagnosis.balance.records.zero import ZERO
 from pmg.pipeline.diagnosis.balance.structure import families_of
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
+from pmg.pipeline.diagnosis.engine.held_out import solve
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.fit.span import freed
 
@@ -38,6 +41,9 @@ if TYPE_CHECKING:
 
 OPEN_ERRORS = 4.0
 """Standard errors of a zero seen at rest by which it may be off, so that another term is no sure cause of as much."""
+
+AGAIN = 3
+"""Times that the baseline is fitted anew beside faults that distort it."""
 
 
 def _free_terms(case: Case) -> tuple[Term[Motion], ...]:
@@ -103,8 +109,12 @@ class Searched:
     """A record searched: its noise, families and evidence about the free terms of the baseline, and what was found.
 
     The moments of reversal are free in `problem` and not in `for_refinements`; `turned` (n, k) are their columns.
+    Faults distort what `recorded` says that the rest gives, as it was fitted beside `fitted`.
     """
 
+    case: Case
+    recorded: Recorded
+    fitted: tuple[TermFit, ...]
     free: tuple[Term[Motion], ...]
     noise: NoiseModel
     looked: tuple[ResidualStructure, ...]
@@ -115,6 +125,11 @@ class Searched:
     mismatch: Mismatch[Place]
     found: TermNaming | None
     named: tuple[TermFit, ...]
+
+    def alike(self, withheld: Recorded) -> Recorded:
+        """Withheld recordings with what the rest of the model gives as it does here."""
+        modelled = _modelled(withheld, self.case, self.free, self.recorded.baseline, self.fitted)
+        return _less_sure(modelled, self.fitted)
 
 
 def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> Searched:
@@ -131,7 +146,12 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
     allowed = [table.columns.reshape(len(plain), -1) for table in smooth]
     structured = np.hstack([plain, *(f.columns for f in looked), *allowed])
     found: TermNaming | None = None
+    fitted: tuple[TermFit, ...] = ()
     for turn in range(2):
+        if any(fit.candidate.of_model for fit in named):  # it distorts what was fitted without it
+            given, fitted = _fitted_beside(given, case, free, named)
+            looked = families_of(given, case.axis)
+            tables |= tabulate(given, tuple(term for term in searched if term.of_model))
         if named:
             recorded, _ = for_search(given, free, named)
         noise = noise_of(recorded.force, structured, recorded.breaks[1:], recorded.own_noise)
@@ -152,4 +172,45 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
         structured = np.hstack([structured, design_of(recorded, (), named)]) if named else structured
     basis, left = freed(noise.noise.whiten(columns), noise.noise.whiten(recorded.force[:, None])[:, 0])
     for_refinements = replace(problem, baseline=basis, left=left)
-    return Searched(free, noise, looked, evidence, problem, for_refinements, turned, mismatch, found, named)
+    return Searched(
+        case, given, fitted, free, noise, looked, evidence, problem, for_refinements, turned, mismatch, found, named
+    )
+
+
+def _fitted_beside(
+    recorded: Recorded, case: Case, free: tuple[Term[Motion], ...], named: tuple[TermFit, ...]
+) -> tuple[Recorded, tuple[TermFit, ...]]:
+    """Recordings with what the rest gives where it was fitted beside the terms that were named, and these so fitted.
+
+    A fault of a drive or of a reading takes its part of the force, which moves the amplitudes of the baseline, and the
+    moments at which their sum changes its sign.
+    """
+    fitted = named
+    for _ in range(AGAIN):
+        found = solve(design_of(recorded, free, named), recorded.force)
+        ends = np.cumsum([sum(len(term.amplitudes) for term in free), *(len(fit.amplitudes) for fit in named)])
+        amplitudes, *of_named = np.split(found, ends[:-1])
+        fitted = tuple(replace(fit, amplitudes=own) for fit, own in zip(named, of_named, strict=True))
+        recorded = _modelled(recorded, case, free, amplitudes, fitted)
+    return _less_sure(recorded, fitted), fitted
+
+
+def _modelled(
+    recorded: Recorded, case: Case, free: tuple[Term[Motion], ...], amplitudes: Array, fitted: tuple[TermFit, ...]
+) -> Recorded:
+    """Recordings with what the baseline gives by its amplitudes (k,), and terms beside it that are no faults."""
+    motion = recorded.motion
+    columns = np.hstack([term.columns(motion, math.nan) for term in free])
+    beside = (fit for fit in fitted if not fit.candidate.of_model)
+    further = sum((f.candidate.columns(motion, f.shape) @ f.amplitudes for f in beside), np.zeros(len(motion.time)))
+    return modelled_by(recorded, case, columns, amplitudes, further)
+
+
+def _less_sure(recorded: Recorded, fitted: tuple[TermFit, ...]) -> Recorded:
+    """Recordings whose rows have the noise of a dead zone where a command changes its sense."""
+    for fit in fitted:
+        if fit.identifier == DEAD_ZONE and fit.candidate.shape is not None:
+            scatter = recorded.thin(scatter_of_sense(recorded.motion, fit.shape)[:, None])[:, 0]
+            of_rows = recorded.noise_of_rows(0.0)
+            recorded = replace(recorded, own_noise=np.hypot(of_rows, fit.amplitudes[0] * scatter))
+    return recorded

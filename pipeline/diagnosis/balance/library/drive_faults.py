@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import erf
 
 from pmg.pipeline.diagnosis.balance.library.columns import SETTLES, amount, part, settling, stack
 from pmg.pipeline.diagnosis.balance.library.term import DELAY, DURATION, EXCEEDED, LAG, Motion, Quantity, Term
@@ -18,9 +20,18 @@ if TYPE_CHECKING:
 
 FADE_TEST = "Repeat the record after a rest and after a long run, and measure the drive's temperature"
 
+DEAD_ZONE_TEST = "Raise the command slowly from zero at a machine that is held, and measure what it exerts"
+
+BLURRED, LEAST_BLUR = (0.01, 0.3), 1e-300
+"""Deviation that blurs the corners of a dead zone, over the command that a quarter of all in motion exceed: with more
+it would be a gain; and the least of it, where nothing is commanded [N, N m]."""
+
 LOST = (0.8, 1.25)
 """Part of what a command has beyond the limit of its drive that is lost: all of it, but for errors; where less is lost,
 the gain is off."""
+
+DEAD_ZONE = "dead_zone"
+"""Id of a command that does nothing up to a size of it."""
 
 GAIN = "actuator_gain"
 """Id of the gain of the drive, with which every amplitude that is not known grows."""
@@ -77,18 +88,46 @@ def drift(axis: Axis) -> Iterator[Term[Motion]]:
     )
 
 
-def drive_faults(axis: Axis) -> Iterator[Term[Motion]]:
-    """What a drive does with its command."""
+def _mean_sense(m: Motion, blur: float) -> Array:
+    """Mean sign of a command (n,) that is off what the rest of the model gives, normally and by a known deviation."""
+    deviation = max(blur * m.references[EXCEEDED], LEAST_BLUR)
+    return np.asarray(erf(m.modelled / (math.sqrt(2.0) * deviation)))
+
+
+def scatter_of_sense(m: Motion, blur: float) -> Array:
+    """Standard deviation (n,) of the sign of which `_mean_sense` is the mean."""
+    return np.asarray(np.sqrt(np.maximum(1.0 - _mean_sense(m, blur) ** 2, 0.0)))
+
+
+def _dead_zones(axis: Axis) -> Iterator[Term[Motion]]:
+    """A command that does nothing up to a size of it."""
     yield Term(
-        "dead_zone",
+        DEAD_ZONE,
         "Dead zone of the drive: the command must exceed it before anything acts",
         "z sign(baseline terms)",
         amount("z", axis.push, 1e4),
         lambda m, _: stack(np.sign(m.modelled)),
         BALANCE,
-        separating_test="Raise the command slowly from zero at a machine that is held, and measure what it exerts",
+        separating_test=DEAD_ZONE_TEST,
         of_model=True,
     )
+    yield Term(
+        DEAD_ZONE,
+        "Dead zone of the drive, its corners rounded or blurred by what acts unrecorded",
+        "z erf(F/(2^(1/2) r F75)), F = baseline terms",
+        amount("z", axis.push, 1e4),
+        lambda m, blur: stack(_mean_sense(m, blur)),
+        BALANCE,
+        shape=Quantity("r", "1", BLURRED),
+        separating_test=DEAD_ZONE_TEST,
+        of_model=True,
+        variant="blurred",
+    )
+
+
+def drive_faults(axis: Axis) -> Iterator[Term[Motion]]:
+    """What a drive does with its command."""
+    yield from _dead_zones(axis)
     yield Term(
         "drive_fade",
         f"Drive whose {axis.pushes} fades during each record",

@@ -102,7 +102,7 @@ def gap_terms(axis: Axis) -> Iterator[Term[Motion]]:
 
 def _across_gap(m: Motion, gap: float) -> Array:
     """Force missing while a gap is crossed (n, 2): of the load's friction and of its inertia, per unit of each."""
-    return -stack(m.sense, m.acceleration) * np.exp(-((m.travel / gap) ** GAP_EDGE))[:, None]
+    return -stack(m.sense, m.clear_acceleration) * np.exp(-((m.travel / gap) ** GAP_EDGE))[:, None]
 
 
 def beyond_gap(m: Motion, gap: float, rebound: float = HARD) -> Array:

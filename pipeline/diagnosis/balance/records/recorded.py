@@ -274,7 +274,21 @@ def _freed(plain: Recorded, case: Case, columns: Mapping[str, Array], known: Arr
     if case.own_zeros:
         check_seen(plain.name, few[:, 2:], freed)
     rest = few[:, 0] - few[:, 1]
-    free_amplitudes = of.baseline if of is not None else np.asarray(np.linalg.lstsq(few[:, 2:], rest, rcond=None)[0])
-    modelled = known + free @ free_amplitudes - inertia_of(case, free_amplitudes) * _noisy_part(plain)
-    whole = replace(motion, modelled=modelled, besides={**motion.besides, KNOWN: known})
-    return replace(plain, motion=whole, force=rest, known=few[:, 1], baseline=free_amplitudes)
+    found = replace(
+        plain, motion=replace(motion, besides={**motion.besides, KNOWN: known}), force=rest, known=few[:, 1]
+    )
+    amplitudes = of.baseline if of is not None else np.asarray(np.linalg.lstsq(few[:, 2:], rest, rcond=None)[0])
+    return modelled_by(found, case, free, amplitudes)
+
+
+def modelled_by(
+    recorded: Recorded, case: Case, free: Array, amplitudes: Array, further: Array | None = None
+) -> Recorded:
+    """Recordings with what the rest gives, which a fault of the drive or of a reading distorts.
+
+    By columns (n, k) of the free terms of the baseline at the full rate, and their amplitudes; and further forces (n,).
+    """
+    motion = recorded.motion
+    modelled = motion.besides[KNOWN] + free @ amplitudes - inertia_of(case, amplitudes) * _noisy_part(recorded)
+    modelled = modelled if further is None else modelled + further
+    return replace(recorded, motion=replace(motion, modelled=modelled), baseline=amplitudes)
