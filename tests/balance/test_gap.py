@@ -20,7 +20,7 @@ from pmg.pipeline.diagnosis.balance.borne_out import HeldBack, held_back
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
-from pmg.pipeline.diagnosis.balance.library.elastic import beyond_gap
+from pmg.pipeline.diagnosis.balance.library.elastic import flights
 from pmg.pipeline.diagnosis.balance.library.flight import fly
 from pmg.pipeline.diagnosis.balance.library.term import DELAY, LAG, NOISY, Motion
 from pmg.pipeline.diagnosis.balance.records.reversals import reversals
@@ -96,7 +96,7 @@ def test_a_load_that_is_driven_steadily_moves_along() -> None:
     noise: Array = 0.5 * np.random.default_rng(4).standard_normal(len(t))
     nothing = np.zeros_like(t)
     motion = Motion(t, 0.1 * t**2, 0.2 * t, 0.2 + noise, nothing, nothing, besides={NOISY: noise})
-    assert np.abs(beyond_gap(motion, 1e-3)[1:]).max() < 1e-9
+    assert np.abs(flights(motion, 1e-3)[1:]).max() < 1e-9
 
 
 def test_a_load_that_flies_across_a_gap_is_backlash(tmp_path: Path) -> None:

@@ -20,8 +20,9 @@ from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.causes import cause_lines, named_causes, near_causes, nearest_lines
-from pmg.pipeline.diagnosis.balance.decide import diagnose_terms, with_free_runs
+from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import free_run_lines, headline, terms_document, terms_lines
+from pmg.pipeline.diagnosis.balance.free_run import with_free_runs
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_remarks
 from pmg.pipeline.diagnosis.balance.low_passes import try_low_passes
 from pmg.pipeline.diagnosis.balance.machine.found_and_stated import found_and_stated, not_compared

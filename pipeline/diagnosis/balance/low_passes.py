@@ -129,7 +129,7 @@ def try_low_passes(case: Case, rng: np.random.Generator) -> tuple[LowPassTried, 
         s = search_record(other, recorded, rng)
         last = LowPassTried(prepare.low_pass_hz, prepare.keep_every, s.mismatch.p_value, s.named)
         if s.found is not None and s.named:
-            fitted = fit_together(recorded, s.noise.noise, s.free, s.named)
+            fitted = fit_together(s.recorded, s.noise.noise, s.free, s.named)
             sizes = tuple(e for e in fitted.estimates if e.term in last.ids)
             last = replace(last, explained=s.found.explained, sizes=sizes, impossible=bool(impossible_in(fitted)))
         tried.append(last)

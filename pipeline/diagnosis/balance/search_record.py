@@ -13,7 +13,7 @@ from pmg.pipeline.diagnosis.balance.estimate import design_of, for_search
 from pmg.pipeline.diagnosis.balance.fitting import tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.known_terms import beside_known
 from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
-from pmg.pipeline.diagnosis.balance.library.drive_faults import DEAD_ZONE, GAIN, scatter_of_sense
+from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, record_evidence
 from pmg.pipeline.diagnosis.balance.noise_model import noise_of
@@ -148,7 +148,7 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
     found: TermNaming | None = None
     fitted: tuple[TermFit, ...] = ()
     for turn in range(2):
-        if any(fit.candidate.of_model for fit in named):  # it distorts what was fitted without it
+        if any(fit.candidate.of_model or fit.candidate.outcomes for fit in named):
             given, fitted = _fitted_beside(given, case, free, named)
             looked = families_of(given, case.axis)
             tables |= tabulate(given, tuple(term for term in searched if term.of_model))
@@ -183,7 +183,7 @@ def _fitted_beside(
     """Recordings with what the rest gives where it was fitted beside the terms that were named, and these so fitted.
 
     A fault of a drive or of a reading takes its part of the force, which moves the amplitudes of the baseline, and the
-    moments at which their sum changes its sign.
+    moments at which their sum changes its sign. Where nobody knows what a term does, rows get less weight.
     """
     fitted = named
     for _ in range(AGAIN):
@@ -207,10 +207,9 @@ def _modelled(
 
 
 def _less_sure(recorded: Recorded, fitted: tuple[TermFit, ...]) -> Recorded:
-    """Recordings whose rows have the noise of a dead zone where a command changes its sense."""
+    """Recordings whose rows have the scatter of what terms that were found may do there, as noise of their own."""
     for fit in fitted:
-        if fit.identifier == DEAD_ZONE and fit.candidate.shape is not None:
-            scatter = recorded.thin(scatter_of_sense(recorded.motion, fit.shape)[:, None])[:, 0]
-            of_rows = recorded.noise_of_rows(0.0)
-            recorded = replace(recorded, own_noise=np.hypot(of_rows, fit.amplitudes[0] * scatter))
+        if fit.candidate.outcomes is not None:
+            scatter = recorded.thin(fit.candidate.outcomes(recorded.motion, fit.shape)).std(axis=1)
+            recorded = replace(recorded, own_noise=np.hypot(recorded.noise_of_rows(0.0), fit.amplitudes[0] * scatter))
     return recorded

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.columns import waves_of
-from pmg.pipeline.diagnosis.balance.library.elastic import beyond_gap
+from pmg.pipeline.diagnosis.balance.library.elastic import flights
 from pmg.pipeline.diagnosis.balance.library.term import LAG, OUT, TEMPERATURE
 from pmg.pipeline.diagnosis.balance.periods import shortest
 from pmg.pipeline.fit.structure import ResidualStructure
@@ -93,7 +93,7 @@ def families_of(recorded: Recorded, axis: Axis) -> tuple[ResidualStructure, ...]
         drawn = {name: drawn[name] for name in drawn if "force" not in name}
     else:
         gaps = np.geomspace(*axis.gaps, GAPS)
-        drawn["flight across a gap"] = np.stack([beyond_gap(m, float(gap)) for gap in gaps], axis=1)
+        drawn["flight across a gap"] = np.stack([flights(m, float(gap)).mean(axis=1) for gap in gaps], axis=1)
     thin = {name: recorded.thin(columns) for name, columns in drawn.items()}
     if not recorded.coasts:  # its acceleration is all that there is to explain
         thin |= _of_acceleration(recorded)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import erf
+from scipy.stats import norm
 
 from pmg.pipeline.diagnosis.balance.library.columns import SETTLES, amount, part, settling, stack
 from pmg.pipeline.diagnosis.balance.library.term import DELAY, DURATION, EXCEEDED, LAG, Motion, Quantity, Term
@@ -29,6 +30,9 @@ it would be a gain; and the least of it, where nothing is commanded [N, N m]."""
 LOST = (0.8, 1.25)
 """Part of what a command has beyond the limit of its drive that is lost: all of it, but for errors; where less is lost,
 the gain is off."""
+
+MAY_BE_OFF = norm.ppf((np.arange(7) + 0.5) / 7)
+"""Deviations, equally likely, by which a command is off what the rest of the model gives."""
 
 DEAD_ZONE = "dead_zone"
 """Id of a command that does nothing up to a size of it."""
@@ -94,9 +98,9 @@ def _mean_sense(m: Motion, blur: float) -> Array:
     return np.asarray(erf(m.modelled / (math.sqrt(2.0) * deviation)))
 
 
-def scatter_of_sense(m: Motion, blur: float) -> Array:
-    """Standard deviation (n,) of the sign of which `_mean_sense` is the mean."""
-    return np.asarray(np.sqrt(np.maximum(1.0 - _mean_sense(m, blur) ** 2, 0.0)))
+def _senses(m: Motion, blur: float) -> Array:
+    """Signs that the same command may have (n, k)."""
+    return np.asarray(np.sign(m.modelled[:, None] + blur * m.references[EXCEEDED] * MAY_BE_OFF))
 
 
 def _dead_zones(axis: Axis) -> Iterator[Term[Motion]]:
@@ -122,6 +126,7 @@ def _dead_zones(axis: Axis) -> Iterator[Term[Motion]]:
         separating_test=DEAD_ZONE_TEST,
         of_model=True,
         variant="blurred",
+        outcomes=_senses,
     )
 
 

@@ -11,19 +11,22 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.signal import bilinear, lfilter, lfilter_zi
 
 from pmg.pipeline.diagnosis.balance.library.columns import amount, stack
-from pmg.pipeline.diagnosis.balance.library.flight import HARD, SOFT, fly
+from pmg.pipeline.diagnosis.balance.library.flight import HARD, REBOUNDS, fly
 from pmg.pipeline.diagnosis.balance.library.term import DELAY, Motion, Quantity, Term
 from pmg.sim.signals import REVOLUTION
 from pmg.sim.sources import BALANCE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from pmg.pipeline.machine.axis import Axis
     from pmg.sim.signals import Array
 
 RESONANCE, BACKLASH = "two_masses", "backlash"
 """Terms of a mass on a spring, and of a load beyond a gap."""
+
+SURE_FLIGHT = "hard"
+"""Variant of the latter of which it is known how it rebounds, so that its flight may be foretold."""
 
 LIKE_PLAY = frozenset({DELAY, RESONANCE})
 """Terms that together explain what play in a coupling does: it comes late, and lets the far side swing."""
@@ -83,13 +86,13 @@ def gap_terms(axis: Axis) -> Iterator[Term[Motion]]:
         separating_test=GAP_TEST,
         of_parts=True,
     )
-    for rebound, variant in ((HARD, "hard"), (SOFT, "soft")):
+    for variant, rebounds, outcomes in ((SURE_FLIGHT, (HARD,), None), ("flying", REBOUNDS, flights)):
         yield Term(
             BACKLASH,
             BACKLASH_TITLE,
-            f"m (a_far - a), a_far of a mass that is free across b and rebounds with {rebound:g} of its speed",
+            f"m (a_far - a), mean a_far of a mass that is free across b and rebounds with {rebounds} of its speed",
             amount("m", axis.mass, 1e4),
-            lambda m, gap, rebound=rebound: stack(beyond_gap(m, gap, rebound)),  # type: ignore[misc]  # bound now
+            lambda m, gap, rebounds=rebounds: stack(flights(m, gap, rebounds).mean(axis=1)),  # type: ignore[misc]  # bound now
             BALANCE,
             shape=Quantity("b", axis.length, axis.gaps),
             separating_test=GAP_TEST,
@@ -97,6 +100,7 @@ def gap_terms(axis: Axis) -> Iterator[Term[Motion]]:
             variant=variant,
             sharp=True,
             at_an_instant=False,
+            outcomes=outcomes,
         )
 
 
@@ -105,18 +109,20 @@ def _across_gap(m: Motion, gap: float) -> Array:
     return -stack(m.sense, m.clear_acceleration) * np.exp(-((m.travel / gap) ** GAP_EDGE))[:, None]
 
 
-def beyond_gap(m: Motion, gap: float, rebound: float = HARD) -> Array:
-    """Acceleration of a load that flies across a gap, beyond that of the machine (n,).
+def flights(m: Motion, gap: float, rebounds: Sequence[float] = REBOUNDS) -> Array:
+    """Acceleration of a load that flies across a gap, beyond that of the machine, with some rebounds (n, k).
 
     The machine's is cleared of noise: with it a load at an even speed would fly to and fro, and what noise makes of
-    the acceleration is in what is left of the force as well.
+    the acceleration is in what is left of the force as well. When a load meets its stop depends on every time it met
+    one before, so that nobody knows it for long.
     """
     stretches = (np.split(values, m.starts[1:]) for values in (m.speed, m.clear_acceleration, m.sense))
     found = []
     for speed, change, sense in zip(*stretches, strict=True):
         moves = speed[0] + cumulative_trapezoid(change, dx=m.sample_time, initial=0)
         driven = float(sense[np.argmax(sense != 0.0)])
-        found.append(np.gradient(fly(moves, m.sample_time, gap, rebound, driven) - moves, m.sample_time))
+        flown = (fly(moves, m.sample_time, gap, rebound, driven) - moves for rebound in rebounds)
+        found.append(np.stack([np.gradient(one, m.sample_time) for one in flown], axis=1))
     return np.concatenate(found)
 
 

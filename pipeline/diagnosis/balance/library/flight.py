@@ -11,8 +11,8 @@ from pmg.pipeline.files.compiled import compiled
 if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
-HARD, SOFT = 0.6, 0.1
-"""Part of the speed at which a load meets a stop with which it leaves it: steel on steel, and what hardly rebounds."""
+HARD, REBOUNDS = 0.6, (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
+"""Part of the speed at which a load meets a stop with which it leaves it: of steel, and what any may have."""
 
 
 @compiled

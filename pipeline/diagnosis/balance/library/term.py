@@ -24,8 +24,7 @@ TURNED_BEFORE = "turned_before"
 """Channel of `Motion.besides`: way since the sense last changed before the recording begins [m, rad]."""
 
 NOISY, STEPS = "noisy", "steps"
-"""Channels of `Motion.besides`: what is noise in the acceleration, and what steps of the encoder give it at each sample
-[m/s2, rad/s2]."""
+"""Channels of `Motion.besides`: noise of the acceleration, and what steps of the encoder give it [m/s2, rad/s2]."""
 
 RECORDING, OF_NONE = "recording", -1.0
 """Channel of `Motion.besides` where no angle was recorded: the fitted recording that a sample is of, or none of them.
@@ -61,13 +60,11 @@ class Motion:
     starts : tuple of int
         Sample with which each recording begins.
     besides : mapping of str to (n,) array
-        Further channels, by the names `OUT`, `OUT_ANGLE`, `TEMPERATURE`, `ELAPSED`, `KNOWN`, `NOISY`, `RECORDING` and
-        `TURNED_BEFORE`.
+        Further channels, by their names above.
     even_acceleration : float
         Acceleration that noise may make of an even speed [m/s2, rad/s2].
     references : mapping of str to float
-        What columns refer to, by the names `DURATION`, `MIDDLE`, `WARMTH`, `HOW_MANY`, `EXCEEDED` and those of lags:
-        that of the recordings that are fitted, also where others are predicted.
+        What columns refer to, by the names of references: of the fitted recordings, also where others are predicted.
     """
 
     time: Array
@@ -206,6 +203,8 @@ class Term(Generic[M]):
         Linear parameters.
     columns : callable
         From what moves (a `Motion`) and the value of the shape (NaN without one) to an (n, amplitudes) array.
+    outcomes : callable, optional
+        From the same to an (n, k) array: what may happen, where nobody knows which; its column is their mean.
     source : Source
         Where the equation is taken from.
     shape : Quantity, optional
@@ -255,6 +254,7 @@ class Term(Generic[M]):
     variant: str = ""
     sharp: bool = False
     at_an_instant: bool = True
+    outcomes: Callable[[M, float], Array] | None = None
 
     @property
     def place(self) -> str:
