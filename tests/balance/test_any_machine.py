@@ -27,9 +27,9 @@ from pmg.pipeline.diagnosis.balance.contest import ModelStep
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import free_run_lines, headline, terms_document, terms_lines
 from pmg.pipeline.diagnosis.balance.errors_told import errors_sentence, percent, where_it_sticks
-from pmg.pipeline.diagnosis.balance.free_run import with_free_runs
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE, ROTARY_DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import Motion
+from pmg.pipeline.diagnosis.balance.machine.simulated import with_free_runs
 from pmg.pipeline.diagnosis.balance.periods import MOST, MOST_VALUES, PER_PERIOD, periods
 from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
 from pmg.pipeline.diagnosis.engine.verdict import Verdict

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from tests.balance.test_known_terms import MACHINE, diagnosed, dragging, records, written
 
 from pmg.pipeline.chapters.explained.free_run import _further_off, free_run_sections
-from pmg.pipeline.diagnosis.balance.free_run import free_run, with_free_runs
+from pmg.pipeline.diagnosis.balance.free_run import free_run
 from pmg.pipeline.diagnosis.balance.known_terms import SetTerm
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import Motion
+from pmg.pipeline.diagnosis.balance.machine.simulated import with_free_runs
 from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.machine.axis import ROTARY

@@ -22,13 +22,13 @@ from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.causes import cause_lines, named_causes, near_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import free_run_lines, headline, terms_document, terms_lines
-from pmg.pipeline.diagnosis.balance.free_run import with_free_runs
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_remarks
 from pmg.pipeline.diagnosis.balance.low_passes import try_low_passes
 from pmg.pipeline.diagnosis.balance.machine.found_and_stated import found_and_stated, not_compared
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.machine.machine_document import machine_document
 from pmg.pipeline.diagnosis.balance.machine.power import steady_points
+from pmg.pipeline.diagnosis.balance.machine.simulated import with_free_runs
 from pmg.pipeline.diagnosis.balance.machine.with_cause import with_cause
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.diagnosis.engine.verdict import Verdict

@@ -10,13 +10,12 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.estimate import INERTIA
 from pmg.pipeline.diagnosis.balance.known_terms import SetTerm, missing_parameters, set_terms
 from pmg.pipeline.diagnosis.balance.library.drive_faults import DEAD_ZONE, GAIN
-from pmg.pipeline.diagnosis.balance.library.term import DELAY, RECORDING, Motion
+from pmg.pipeline.diagnosis.balance.library.term import DELAY, Motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pmg.pipeline.diagnosis.balance.case import Case
-    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.estimate import FittedTerms
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.pipeline.machine.axis import Axis
@@ -206,26 +205,3 @@ def _driving(motion: Motion, terms: Sequence[SetTerm]) -> Array:
     late = np.interp(motion.time - size_of(DELAY), motion.time, motion.force - of(LIMIT))
     late = np.sign(late) * np.maximum(np.abs(late) - size_of(DEAD_ZONE), 0.0)
     return np.asarray(late / (1.0 + size_of(GAIN) + of(FADE)))
-
-
-def with_free_runs(d: TermsDiagnosis) -> TermsDiagnosis:
-    """A diagnosis with each record simulated by each model that differs from the one before.
-
-    None of a machine between two torques. Without a recorded position, which is the integral of the speed then, the
-    speed is compared.
-    """
-    case, steps, refinements = d.case, d.steps, d.refinements
-    if case.ratio is not None:
-        return d
-    published = of_published(case)
-    if RECORDING in d.recorded.motion.besides and any(each.term.of_angle for each in published):
-        published = ()  # at an angle that nobody recorded
-    models = {"published": published, "baseline": of_fit(steps[0].fitted, case)}
-    if len(steps) > 1:
-        models[d.last_word] = of_fit(steps[-1].fitted, case)
-    if refinements:
-        models["refined"] = of_fit(refinements[-1].fitted, case)
-    records = [one for whole in (d.recorded, d.withheld) if whole is not None for one in whole.each()]
-    of_speed = "position" not in case.channels
-    runs = [free_run(name, record, terms, of_speed=of_speed) for name, terms in models.items() for record in records]
-    return replace(d, free_runs=tuple(run for run in runs if run is not None))
