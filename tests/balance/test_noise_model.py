@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from tests.slow import slow
 
 from pmg.pipeline.diagnosis.balance.mismatch import find_mismatch
 from pmg.pipeline.diagnosis.balance.noise_model import Bands, noise_of
@@ -63,7 +64,13 @@ def _sticking(rng: np.random.Generator) -> Array:
 
 
 @pytest.mark.parametrize(
-    ("noise", "of_own", "records", "most"), [(_coloured, _none, 120, 12), (_red, _sticking, 60, 8)]
+    ("noise", "of_own", "records", "most"),
+    [
+        (_coloured, _none, 120, 12),
+        (_red, _sticking, 60, 8),
+        pytest.param(_red, _sticking, 200, 18, marks=slow),
+        pytest.param(_coloured, _sticking, 200, 18, marks=slow),
+    ],
 )
 def test_a_test_of_five_percent_alarms_in_five_percent_of_coloured_records(
     noise: Callable[[np.random.Generator], Array],

@@ -10,6 +10,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem, fit_term
 from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
+from pmg.pipeline.diagnosis.balance.library.elastic import BACKLASH
 from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
 from pmg.pipeline.diagnosis.engine.explanation import Explanation
 from pmg.pipeline.diagnosis.engine.found_set import Naming
@@ -55,6 +56,10 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
         """The same part of the gain whatever the number of terms."""
         del count
         return IN_THE_MAIN
+
+    def foretells(self, fits: tuple[TermFit, ...]) -> bool:
+        """Not where a load flies from stop to stop: when it meets one depends on every time before."""
+        return all(fit.identifier != BACKLASH or fit.candidate.at_an_instant for fit in fits)
 
     def _between(self, term: Term[Any]) -> bool:
         """Whether the shape of a term is searched between those tabled."""

@@ -42,10 +42,10 @@ SPREAD = (1.5, 3.0, 10.0)
 """Standard deviations of a row, over that which all share, between which rows are of one kind: what a row has of its
 own is an upper bound, so that those with much of it hold less than they are divided by."""
 
-ALIKE = 6.0
-"""Frequencies for which a band counts in the power of the one below it, of which structure may leave few."""
+ALIKE = 3.0
+"""Frequencies for which a band counts at most in the power of the one below it, however well it is known."""
 
-DRAWN, STEPS, SEED, FINE = 16, 200, 5, 4096
+DRAWN, STEPS, SEED, FINE = 24, 200, 5, 4096
 """Draws of noise in each band, steps of the iteration, seed of the draws, and rows of a fine spectrum."""
 
 SILENT = 1e-12
@@ -172,7 +172,8 @@ def noise_of(residual: Array, structured: Array, starts: tuple[int, ...] = (), o
     with noise of their own are divided by what that makes of theirs, which calls for the noise of the others: it is
     found in turns. Structure then lies in the few rows without, and takes much of their slow noise along, and what
     follows a row with much is whitened by nothing: what each band would leave in the rows without is drawn, and the
-    autoregression follows the spectrum that leaves what is seen.
+    autoregression follows the spectrum that leaves what is seen. Most of what is seen in a band may have come from
+    others, so that the draws also say how many frequencies tell its own power.
 
     References
     ----------
@@ -220,18 +221,23 @@ def _in_gaps(noise: SerialNoise, rows: Array) -> NoiseModel:
     basis, left = _whitened(noise, rows)
     bands, plain = Bands.of(basis), _plain(noise.spread)[noise.lags :, None]
     spectrum = np.fft.rfft(np.random.default_rng(SEED).standard_normal((bands.rows, DRAWN)), axis=0)
-    leaves = np.zeros((len(bands.free), len(bands.free)))
+    leaves, every = np.zeros((len(bands.free), len(bands.free))), np.zeros((len(basis), DRAWN))
     for k, (first, last) in enumerate(itertools.pairwise(bands.edges.tolist())):
         part = np.zeros_like(spectrum)
         part[first:last] = spectrum[first:last]
         shown = noise.whitened(np.fft.irfft(part, bands.rows, axis=0))
-        leaves[:, k] = bands.sums(plain * (shown - basis @ (basis.T @ shown))).mean(axis=1)
+        shown -= basis @ (basis.T @ shown)
+        leaves[:, k] = bands.sums(plain * shown).mean(axis=1)
+        every += shown
     power = _power_that_leaves(bands.sums(plain[:, 0] * left), leaves)
-    free = leaves.sum(axis=0) / max(float(plain.mean()), SILENT)
-    power = bands.between(power, free)
+    power = bands.between(power, leaves.sum(axis=0) / max(float(plain.mean()), SILENT))
+    scatter = np.maximum(bands.sums(plain * every).var(axis=1), SILENT)
+    free = np.clip(np.diag(leaves) ** 2 / scatter, SILENT, np.diff(bands.edges))
     for k in range(len(power) - 2, -1, -1):
-        power[k] = (free[k] * power[k] + ALIKE * power[k + 1]) / (free[k] + ALIKE)
-    return _levelled(noise, replace(bands, free=free + ALIKE), np.maximum(power, SILENT))
+        above = 1.0 / (1.0 / free[k + 1] + 1.0 / ALIKE)
+        power[k] = (free[k] * power[k] + above * power[k + 1]) / (free[k] + above)
+        free[k] += above
+    return _levelled(noise, replace(bands, free=free), np.maximum(power, SILENT))
 
 
 def _plain(spread: Array) -> Mask:

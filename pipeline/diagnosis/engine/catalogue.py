@@ -56,6 +56,11 @@ class CandidateCatalogue(ABC, Generic[F, P]):
         del count
         return 0.0
 
+    def foretells(self, fits: tuple[F, ...]) -> bool:
+        """Whether the laws of some fits foretell withheld rows to the noise; one that small errors upset does not."""
+        del fits
+        return True
+
     @abstractmethod
     def rank(self, problem: P, without: Collection[str] = ()) -> list[F]:
         """All candidates but some fitted, best score first."""

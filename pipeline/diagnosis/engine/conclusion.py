@@ -32,7 +32,7 @@ UNTRIED = "cannot be tried on data not used for the fit: there are too few"
 
 UNPREDICTED = 0.25
 """Part of the mismatch of withheld rows that a cause in the main need not predict where no structure is seen in what it
-leaves: near standstill a few rows hold most of a friction, and there its form is least known."""
+leaves, or nobody could foretell more: near standstill a few rows hold most of a friction of little known form."""
 
 NOT_WORSE = 1.03
 """Withheld error with a weak candidate in, over that without, up to which it stays in the set of what may be."""
@@ -101,7 +101,7 @@ def conclude(
     """
     if naming.may_be_named and not naming.weak:
         held = prove(naming.best)
-        proved = held is not None and _proved(naming, held)
+        proved = held is not None and _proved(catalogue, naming, held)
         if held is not None and proved and (held.shows(naming.best.gain) or not catalogue.tells_weak):
             naming = _with_parts(problem, catalogue, naming, held)
             verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
@@ -131,11 +131,12 @@ def _place(problem: P, naming: Naming[F, P], fit: F) -> str:
     return "either" if level and fit.place != "both" else fit.place
 
 
-def _proved(naming: Naming[F, P], held: HeldOut) -> bool:
+def _proved(catalogue: CandidateCatalogue[F, P], naming: Naming[F, P], held: HeldOut) -> bool:
     """Whether withheld rows bear a set out, as a whole or in the main."""
     if naming.explained and held.predicts:
         return True
-    unseen = naming.remainder.p_value >= ORDINARY and held.left <= UNPREDICTED
+    nothing_seen = naming.remainder.p_value >= ORDINARY or not catalogue.foretells(naming.best.fits)
+    unseen = nothing_seen and held.left <= UNPREDICTED
     return naming.in_the_main and held.kept == 1.0 and (held.predicts or unseen)
 
 
