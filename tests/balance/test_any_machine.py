@@ -445,8 +445,12 @@ def test_an_error_that_is_of_samples_where_the_machine_sticks_is_told_without_th
     diagnosis = SimpleNamespace(recorded=recorded, withheld=recorded, noise=noise)
     step = SimpleNamespace(fitted=SimpleNamespace(left=lambda _: left, fits=()))
     sentence = where_it_sticks(cast("Any", diagnosis), cast("Any", step))
-    step.fitted.fits = (SimpleNamespace(identifier="dead_zone"),)
-    assert ("in the dead zone" in where_it_sticks(cast("Any", diagnosis), cast("Any", step))) is bool(told)
+    for name, where in (("dead_zone", "in the dead zone"), ("backlash", "the end of the gap")):
+        for outcomes in (None, abs):
+            term = SimpleNamespace(outcomes=outcomes)
+            step.fitted.fits = (SimpleNamespace(identifier=name, candidate=term),)
+            said = where_it_sticks(cast("Any", diagnosis), cast("Any", step))
+            assert (where in said) is bool(told and outcomes)
     assert sentence.startswith(told)
     assert bool(sentence) == bool(told)
     assert not told or sentence.endswith("the relative error is 1.00 %, and 1.00 % on the withheld record.")

@@ -16,7 +16,7 @@ from pmg.pipeline.chapters.explained.free_run import _further_off, free_run_sect
 from pmg.pipeline.diagnosis.balance.free_run import free_run
 from pmg.pipeline.diagnosis.balance.known_terms import SetTerm
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
-from pmg.pipeline.diagnosis.balance.library.term import Motion
+from pmg.pipeline.diagnosis.balance.library.term import NOISY, Motion
 from pmg.pipeline.diagnosis.balance.machine.simulated import with_free_runs
 from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
@@ -91,6 +91,19 @@ def test_what_a_dead_zone_takes_of_a_command_drives_nothing() -> None:
     assert first is not None
     assert with_it is not None
     np.testing.assert_allclose(with_it.simulated, first.simulated, atol=1e-9)
+
+
+def test_noise_of_what_was_measured_drives_no_simulation(rng: np.random.Generator) -> None:
+    """Where a term goes without the noise of the acceleration, the simulated one has none to begin with."""
+    force = 40.0 * np.sin(2.0 * np.pi * np.arange(3000) / RATE)
+    (gap,) = (term for term in DRIVE if term.key == "backlash")
+    terms = [*_set(inertia=MASS, viscous=100.0), SetTerm(gap, np.array([8.0, 30.0]), 2e-3)]
+    plain = _record(force, np.linspace(0.0, 0.01, 3000))
+    noisy = replace(plain, motion=replace(plain.motion, besides={NOISY: rng.standard_normal(3000)}))
+    first, second = (free_run("m", one, terms) for one in (plain, noisy))
+    assert first is not None
+    assert second is not None
+    np.testing.assert_array_equal(first.simulated, second.simulated)
 
 
 def test_without_a_mass_there_is_nothing_to_solve() -> None:

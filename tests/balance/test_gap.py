@@ -15,16 +15,26 @@ from tests.balance.reading import read_one
 from tests.balance.slide import RATE, Moving, make_case
 from tests.balance.test_balance import diagnosed, named, value
 from tests.balance.test_forms import DRY, dry
+from tests.slow import slow
 
 from pmg.pipeline.diagnosis.balance.borne_out import HeldBack, held_back
 from pmg.pipeline.diagnosis.balance.case_file import read_case
+from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
+from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
 from pmg.pipeline.diagnosis.balance.library.elastic import flights
 from pmg.pipeline.diagnosis.balance.library.flight import fly
 from pmg.pipeline.diagnosis.balance.library.term import DELAY, LAG, NOISY, Motion
+from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
+from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.diagnosis.balance.records.reversals import reversals
+from pmg.pipeline.diagnosis.balance.titles import left_out_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.machine.machine_file import read_machine
+from pmg.pipeline.trials.machines.campaign import draw_machine_campaign
+from pmg.pipeline.trials.machines.files import write_campaign
+from pmg.pipeline.trials.machines.trial import _machine_lots
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case import Case
@@ -106,6 +116,35 @@ def test_a_load_that_flies_across_a_gap_is_backlash(tmp_path: Path) -> None:
     assert fit.candidate.variant == "hard"
     assert fit.shape == pytest.approx(GAP, rel=0.1)
     assert float(fit.amplitudes[0]) == pytest.approx(LOAD, rel=0.1)
+
+
+def test_a_flight_by_itself_need_not_foretell_all_that_withheld_rows_show() -> None:
+    def of(*keys: str) -> tuple[TermFit, ...]:
+        found = [next(term for term in DRIVE if term.key == key) for key in keys]
+        return cast("tuple[TermFit, ...]", tuple(SimpleNamespace(identifier=t.identifier, candidate=t) for t in found))
+
+    assert not TermCatalogue().foretells(of("backlash/flying"))
+    assert TermCatalogue().foretells(of("backlash"))
+    assert TermCatalogue().foretells(of("backlash/flying", DELAY))
+    assert TermCatalogue().foretells(of(DELAY))
+
+
+@slow
+@pytest.mark.parametrize("number", [48, 102])
+def test_play_of_slides_and_joints_is_told_by_the_mean_of_what_a_load_may_do(tmp_path: Path, number: int) -> None:
+    """On the slide a delay leads; it is told that the library was asked without it."""
+    lot = _machine_lots(160, 20261129601)[number]
+    campaign = draw_machine_campaign(lot.number, lot.stratum, lot.turn, lot.seed)
+    assert [part.name for part in campaign.parts] == ["play"]
+    machine = write_campaign(campaign, tmp_path / "campaign")
+    case = case_of(read_machine(machine), machine.parent / "records")
+    found = diagnose_terms(case, *read_recordings(case), np.random.default_rng(number))
+    assert (found.verdict, named(found)) == (Verdict.NAMED, {"backlash"})
+    (fit,) = found.steps[-1].fitted.fits
+    assert fit.candidate.variant == "flying"
+    assert fit.shape == pytest.approx(2.0 * campaign.parts[0].amplitude * campaign.constants["short_way"], rel=0.05)
+    assert [each.identifier for each in found.left_out] == ([DELAY] if number == 48 else [])
+    assert left_out_sentence(found).startswith("Asked again without delay") is (number == 48)
 
 
 def test_reversals_are_free_at_a_delay_too(tmp_path: Path) -> None:

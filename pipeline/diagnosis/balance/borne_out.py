@@ -61,8 +61,9 @@ def sure_part(
     named = s.found.best.ids
     ids = named.intersection(in_every_part, *(rival.ids for rival in s.found.rivals), *asked)
     ids = ids if RIPPLE in ids else ids - {SECOND_RIPPLE}
-    if not ids or ids == named:
-        return None
+    gone = (fit.candidate for fit in s.found.best.fits if fit.identifier not in ids)
+    if not ids or ids == named or any(term.outcomes is not None for term in gone):
+        return None  # without a term that gives rows noise they are others
     found = name_part(s.problem, TermCatalogue(), s.found, ids, adequacy_test(s.evidence))
     return replace(s, found=found, named=found.best.fits)
 

@@ -58,8 +58,8 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
         return IN_THE_MAIN
 
     def foretells(self, fits: tuple[TermFit, ...]) -> bool:
-        """Not where a load flies from stop to stop: when it meets one depends on every time before."""
-        return all(fit.identifier != BACKLASH or fit.candidate.at_an_instant for fit in fits)
+        """Not of a load alone that flies from stop to stop: when it meets one depends on every time before."""
+        return len(fits) != 1 or fits[0].identifier != BACKLASH or fits[0].candidate.at_an_instant
 
     def _between(self, term: Term[Any]) -> bool:
         """Whether the shape of a term is searched between those tabled."""

@@ -26,7 +26,13 @@ from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
 from pmg.pipeline.diagnosis.balance.library.elastic import BACKLASH, LIKE_PLAY, SURE_FLIGHT
 from pmg.pipeline.diagnosis.balance.low_passes import try_low_passes
 from pmg.pipeline.diagnosis.balance.mismatch import find_mismatch, record_evidence
-from pmg.pipeline.diagnosis.balance.proof import FurtherDecoys, surrogate_decoys, try_decoys, withheld_samples
+from pmg.pipeline.diagnosis.balance.proof import (
+    FurtherDecoys,
+    set_against,
+    surrogate_decoys,
+    try_decoys,
+    withheld_samples,
+)
 from pmg.pipeline.diagnosis.balance.records.zero import ZERO
 from pmg.pipeline.diagnosis.balance.search_record import search_record
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
@@ -142,18 +148,27 @@ def diagnose_terms(
     Notes
     -----
     A load that crosses a gap comes late, so that a delay may lead where it takes up more of a force than a flight does
-    that nobody can foretell. Where nothing is named, the library is asked without what play may be taken for, and
-    without a flight that can be foretold.
+    that nobody can foretell. Where it is held back for that, or no proof bears out what leads, the library is asked
+    without what play may be taken for, and without a flight that can be foretold. Backlash is then named where it
+    stands the proof and, every row counted alike, predicts withheld blocks as well as what led.
     """
     first = _diagnosed(case, recorded, withheld, rng, low_passes)
-    led = first.naming.best.ids if first.naming is not None else frozenset[str]()
-    if first.verdict is not Verdict.NOT_IN_LIBRARY or not led & {BACKLASH, *LIKE_PLAY}:
+    if first.verdict is not Verdict.NOT_IN_LIBRARY or first.naming is None or first.impossible or recorded.coasts:
         return first
-    rest = (term for term in case.library if term.identifier not in LIKE_PLAY and term.variant != SURE_FLIGHT)
+    led = first.naming.best.fits
+    like_play = [fit for fit in led if fit.identifier in LIKE_PLAY or fit.candidate.key == SURE_FLIGHT]
+    if not like_play or first.held_back not in (None, HeldBack.LIKE_PLAY, HeldBack.UNEVEN_DELAY):
+        return first
+    rest = (term for term in case.library if term.identifier not in LIKE_PLAY and term.key != SURE_FLIGHT)
     other = replace(case, library=tuple(rest))
     again = _diagnosed(other, recorded, withheld, rng, try_low_passes(other, rng) if low_passes else ())
-    named = again.verdict is Verdict.NAMED and BACKLASH in {fit.identifier for fit in again.steps[-1].fitted.fits}
-    return replace(again, case=case) if named and again.steps[-1].error_fit <= first.steps[-1].error_fit else first
+    named = again.steps[-1].fitted.fits
+    if again.verdict is not Verdict.NAMED or BACKLASH not in {fit.identifier for fit in named}:
+        return first
+    free = first.steps[0].fitted.baseline
+    both = set_against(recorded, first.noise.noise, free, (led, named), rng)
+    left_out = tuple(fit for fit in like_play if fit.identifier != BACKLASH)
+    return replace(again, case=case, left_out=left_out) if both.rmse_after <= both.rmse_before else first
 
 
 def _diagnosed(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.drive_faults import DEAD_ZONE
+from pmg.pipeline.diagnosis.balance.library.elastic import BACKLASH
 from pmg.pipeline.diagnosis.balance.proof import telling
 
 if TYPE_CHECKING:
@@ -23,8 +24,8 @@ FALLS_TO = 0.5
 MOSTLY = 0.5
 """Part of the square of an error from which on it is said which samples make it."""
 
-SENSES = "its command changes its sense in the dead zone, "
-"""Where else single samples have noise of their own, once a dead zone is named."""
+UNSURE = {DEAD_ZONE: "its command changes sign in the dead zone, ", BACKLASH: "its load meets the end of the gap, "}
+"""Where else single samples have noise of their own, once nobody knows what a named term does there."""
 
 MOST_PART = 10.0
 """Relative error from which on a number says nothing."""
@@ -66,8 +67,8 @@ def where_it_sticks(diagnosis: TermsDiagnosis, last: ModelStep) -> str:
     if parts[0] < MOSTLY:
         return ""
     most = f"{100.0 * parts[0]:.3g} % is of samples"
-    senses = any(fit.identifier == DEAD_ZONE for fit in last.fitted.fits)
-    where = f"where the machine sticks or turns, {SENSES if senses else ''}or steps of its encoder show"
+    unsure = "".join(UNSURE[fit.identifier] for fit in last.fitted.fits if fit.candidate.outcomes is not None)
+    where = f"where the machine sticks or turns, {unsure}or steps of its encoder show"
     withheld = f", and {others[1]} on the withheld record" if len(others) > 1 else ""
     return f"Of the squared error {most} {where}; in all others the relative error is {others[0]}{withheld}."
 

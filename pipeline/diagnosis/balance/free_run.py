@@ -10,7 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.estimate import INERTIA
 from pmg.pipeline.diagnosis.balance.known_terms import SetTerm, missing_parameters, set_terms
 from pmg.pipeline.diagnosis.balance.library.drive_faults import DEAD_ZONE, GAIN
-from pmg.pipeline.diagnosis.balance.library.term import DELAY, Motion
+from pmg.pipeline.diagnosis.balance.library.term import DELAY, NOISY, Motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -96,7 +96,8 @@ class _Instant(Motion):
         ends = np.array([motion.position.min(), 0.0, motion.position.max()])
         time, speed, acceleration, force, way = (np.zeros(3) for _ in range(5))
         time[[0, 2]] = motion.time[[0, -1]]
-        besides = {key: values[[0, 0, -1]] for key, values in motion.besides.items()}
+        known = {key: values for key, values in motion.besides.items() if key != NOISY}  # it is of what was measured
+        besides = {key: values[[0, 0, -1]] for key, values in known.items()}
         return cls(
             time, ends, speed, acceleration, force, np.zeros(3), besides=besides, references=motion.references, way=way
         )

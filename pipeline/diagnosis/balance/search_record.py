@@ -11,7 +11,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
 from pmg.pipeline.diagnosis.balance.estimate import design_of, for_search
 from pmg.pipeline.diagnosis.balance.fitting import tabulate, term_problem
-from pmg.pipeline.diagnosis.balance.known_terms import beside_known
+from pmg.pipeline.diagnosis.balance.known_terms import SetTerm, beside_known
 from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
 from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
@@ -27,9 +27,11 @@ from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.fit.span import freed
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
-    from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
+    from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermFit, TermProblem
     from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
     from pmg.pipeline.diagnosis.balance.mismatch import Place
     from pmg.pipeline.diagnosis.balance.noise_model import NoiseModel
@@ -42,8 +44,8 @@ if TYPE_CHECKING:
 OPEN_ERRORS = 4.0
 """Standard errors of a zero seen at rest by which it may be off, so that another term is no sure cause of as much."""
 
-AGAIN = 3
-"""Times that the baseline is fitted anew beside faults that distort it."""
+SEARCHES, AGAIN = 3, 3
+"""Searches at most, and times that the baseline is fitted anew beside faults that distort it."""
 
 
 def _free_terms(case: Case) -> tuple[Term[Motion], ...]:
@@ -109,12 +111,12 @@ class Searched:
     """A record searched: its noise, families and evidence about the free terms of the baseline, and what was found.
 
     The moments of reversal are free in `problem` and not in `for_refinements`; `turned` (n, k) are their columns.
-    Faults distort what `recorded` says that the rest gives, as it was fitted beside `fitted`.
+    `recorded` is as it is beside the terms `fitted`.
     """
 
     case: Case
     recorded: Recorded
-    fitted: tuple[TermFit, ...]
+    fitted: tuple[SetTerm, ...]
     free: tuple[Term[Motion], ...]
     noise: NoiseModel
     looked: tuple[ResidualStructure, ...]
@@ -127,38 +129,45 @@ class Searched:
     named: tuple[TermFit, ...]
 
     def alike(self, withheld: Recorded) -> Recorded:
-        """Withheld recordings with what the rest of the model gives as it does here."""
-        modelled = _modelled(withheld, self.case, self.free, self.recorded.baseline, self.fitted)
-        return _less_sure(modelled, self.fitted)
+        """Withheld recordings with what the rest of the model gives, and with noise of rows, as here."""
+        if any(each.term.of_model for each in self.fitted):
+            withheld = _modelled(withheld, self.case, self.free, self.recorded.baseline, self.fitted)
+        return _less_sure(withheld, (*self.case.known, *self.fitted))
 
 
 def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> Searched:
-    """The mismatch test and the search of the library; twice, the second time with noise freed from what was named."""
-    looked, free = families_of(recorded, case.axis), _free_terms(case)
-    searched = _searched_terms(case, recorded)
-    tables = tabulate(recorded, searched, coarse=True)
-    turned = reversals(recorded, case.axis.rises)
-    named: tuple[TermFit, ...] = ()
-    given = recorded
-    recorded, columns = for_search(given, free, named)
+    """The mismatch test and the search of the library; again with noise freed from what was named.
+
+    What was named may move what the rest gives, or give rows noise of their own (`_beside`). A mismatch that was seen
+    without such noise stands, whatever is seen with it; and a set of other terms of that kind is searched once more.
+    """
+    free, searched = _free_terms(case), _searched_terms(case, recorded)
+    given = whole = _less_sure(recorded, case.known)
+    looked, coarse = families_of(given, case.axis), tabulate(given, searched, coarse=True)
+    turned = reversals(given, case.axis.rises)
+    recorded, columns = for_search(given, free, ())
     plain = np.hstack([columns, turned])
-    smooth = (table for table in tables.values() if not table.term.variant and not table.term.sharp)
-    allowed = [table.columns.reshape(len(plain), -1) for table in smooth]
-    structured = np.hstack([plain, *(f.columns for f in looked), *allowed])
-    found: TermNaming | None = None
-    fitted: tuple[TermFit, ...] = ()
-    for turn in range(2):
-        if any(fit.candidate.of_model or fit.candidate.outcomes for fit in named):
-            given, fitted = _fitted_beside(given, case, free, named)
-            looked = families_of(given, case.axis)
-            tables |= tabulate(given, tuple(term for term in searched if term.of_model))
+    structured = _structured(plain, looked, coarse)
+    tables, found = coarse, None
+    named: tuple[TermFit, ...] = ()
+    fitted: tuple[SetTerm, ...] = ()
+    for turn in range(SEARCHES):
+        if turn and _of_kind(named) | {each.term.key for each in fitted}:
+            given, fitted = _beside(whole, case, free, named)
+            looked, faults = families_of(given, case.axis), tuple(term for term in searched if term.of_model)
+            tables, coarse = tables | tabulate(given, faults), coarse | tabulate(given, faults, coarse=True)
+            structured = np.hstack(
+                [_structured(plain, looked, coarse), *([design_of(given, (), named)] if named else [])]
+            )
         if named:
             recorded, _ = for_search(given, free, named)
         noise = noise_of(recorded.force, structured, recorded.breaks[1:], recorded.own_noise)
         null = noise.whitened_draws(DRAWS, rng)
         problem = _with_second(term_problem(recorded, tables, noise.noise, plain), case)
         evidence = record_evidence(noise, problem, looked, null)
-        mismatch = find_mismatch(evidence, looked)
+        seen = find_mismatch(evidence, looked)
+        if turn == 0 or seen.found or not fitted:
+            mismatch = seen
         if not mismatch.found:
             found, named = None, ()
             break
@@ -167,7 +176,8 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
             problem = _with_second(term_problem(recorded, tables, noise.noise, plain), case)
         found = name_candidates(problem, TermCatalogue(), adequacy_test(evidence))
         before, named = {fit.identifier for fit in named}, found.best.fits
-        if found.best.ids == before:
+        as_fitted = _of_kind(named) == {each.term.key for each in fitted if _kind(each.term)}
+        if as_fitted and (turn > 0 or found.best.ids == before):
             break
         structured = np.hstack([structured, design_of(recorded, (), named)]) if named else structured
     basis, left = freed(noise.noise.whiten(columns), noise.noise.whiten(recorded.force[:, None])[:, 0])
@@ -177,39 +187,59 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
     )
 
 
-def _fitted_beside(
-    recorded: Recorded, case: Case, free: tuple[Term[Motion], ...], named: tuple[TermFit, ...]
-) -> tuple[Recorded, tuple[TermFit, ...]]:
-    """Recordings with what the rest gives where it was fitted beside the terms that were named, and these so fitted.
+def _structured(plain: Array, looked: tuple[ResidualStructure, ...], coarse: Mapping[str, Tabled]) -> Array:
+    """Columns that are no noise (n, k): free ones, families, and terms of one form that change smoothly."""
+    smooth = (table for table in coarse.values() if not table.term.variant and not table.term.sharp)
+    allowed = [table.columns.reshape(len(plain), -1) for table in smooth]
+    return np.hstack([plain, *(family.columns for family in looked), *allowed])
 
-    A fault of a drive or of a reading takes its part of the force, which moves the amplitudes of the baseline, and the
-    moments at which their sum changes its sign. Where nobody knows what a term does, rows get less weight.
+
+def _kind(term: Term[Motion]) -> bool:
+    """Whether a term distorts what the rest gives, or nobody knows what it does."""
+    return term.of_model or term.outcomes is not None
+
+
+def _of_kind(named: tuple[TermFit, ...]) -> set[str]:
+    """Keys of such terms."""
+    return {fit.candidate.key for fit in named if _kind(fit.candidate)}
+
+
+def _beside(
+    recorded: Recorded, case: Case, free: tuple[Term[Motion], ...], named: tuple[TermFit, ...]
+) -> tuple[Recorded, tuple[SetTerm, ...]]:
+    """Recordings as they are beside terms that were named, and these with their numbers; none without such a kind.
+
+    A fault of a drive takes its part of the force, which moves the amplitudes of the baseline, and the moments at which
+    their sum changes its sign: what the rest gives is fitted beside it. Where nobody knows what a term does, rows have
+    the scatter of what it may do as noise of their own.
     """
-    fitted = named
-    for _ in range(AGAIN):
+    terms = tuple(SetTerm(fit.candidate, fit.amplitudes, fit.shape) for fit in named)
+    if not _of_kind(named):
+        return recorded, ()
+    for _ in range(AGAIN if any(fit.candidate.of_model for fit in named) else 0):
         found = solve(design_of(recorded, free, named), recorded.force)
         ends = np.cumsum([sum(len(term.amplitudes) for term in free), *(len(fit.amplitudes) for fit in named)])
         amplitudes, *of_named = np.split(found, ends[:-1])
-        fitted = tuple(replace(fit, amplitudes=own) for fit, own in zip(named, of_named, strict=True))
-        recorded = _modelled(recorded, case, free, amplitudes, fitted)
-    return _less_sure(recorded, fitted), fitted
+        terms = tuple(replace(each, amplitudes=own) for each, own in zip(terms, of_named, strict=True))
+        recorded = _modelled(recorded, case, free, amplitudes, terms)
+    return _less_sure(recorded, terms), terms
 
 
 def _modelled(
-    recorded: Recorded, case: Case, free: tuple[Term[Motion], ...], amplitudes: Array, fitted: tuple[TermFit, ...]
+    recorded: Recorded, case: Case, free: tuple[Term[Motion], ...], amplitudes: Array, terms: tuple[SetTerm, ...]
 ) -> Recorded:
     """Recordings with what the baseline gives by its amplitudes (k,), and terms beside it that are no faults."""
     motion = recorded.motion
     columns = np.hstack([term.columns(motion, math.nan) for term in free])
-    beside = (fit for fit in fitted if not fit.candidate.of_model)
-    further = sum((f.candidate.columns(motion, f.shape) @ f.amplitudes for f in beside), np.zeros(len(motion.time)))
+    further = sum((each.of(motion) for each in terms if not each.term.of_model), np.zeros(len(motion.time)))
     return modelled_by(recorded, case, columns, amplitudes, further)
 
 
-def _less_sure(recorded: Recorded, fitted: tuple[TermFit, ...]) -> Recorded:
-    """Recordings whose rows have the scatter of what terms that were found may do there, as noise of their own."""
-    for fit in fitted:
-        if fit.candidate.outcomes is not None:
-            scatter = recorded.thin(fit.candidate.outcomes(recorded.motion, fit.shape)).std(axis=1)
-            recorded = replace(recorded, own_noise=np.hypot(recorded.noise_of_rows(0.0), fit.amplitudes[0] * scatter))
+def _less_sure(recorded: Recorded, terms: tuple[SetTerm, ...]) -> Recorded:
+    """Recordings whose rows have, as noise of their own, the scatter of what terms may do of which nobody knows it."""
+    for each in terms:
+        if each.term.outcomes is not None:
+            scatter = recorded.thin(each.term.outcomes(recorded.motion, each.shape)).std(axis=1)
+            own = np.hypot(recorded.noise_of_rows(0.0), each.amplitudes[0] * scatter)
+            recorded = replace(recorded, own_noise=own)
     return recorded

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.balance.borne_out import HeldBack, of_no_size
-from pmg.pipeline.diagnosis.balance.library.elastic import GAP_TEST
+from pmg.pipeline.diagnosis.balance.library.elastic import BACKLASH, GAP_TEST, LIKE_PLAY
 from pmg.pipeline.wording.plurals import uncapitalised
 
 if TYPE_CHECKING:
@@ -32,6 +32,10 @@ def left_out_sentence(diagnosis: TermsDiagnosis) -> str:
     """What the search found as well and is not named; empty where nothing was left out."""
     if not diagnosis.left_out:
         return ""
+    if BACKLASH in {fit.identifier for fit in diagnosis.steps[-1].fitted.fits} and all(
+        fit.identifier in LIKE_PLAY for fit in diagnosis.left_out
+    ):
+        return f"Asked again without {titles_of(diagnosis.left_out)}, which led, as play in a coupling looks the same."
     return f"Not named: {titles_of(diagnosis.left_out)}, which not every quarter of the record and low-pass shows."
 
 

@@ -117,7 +117,7 @@ def _dead_zones(axis: Axis) -> Iterator[Term[Motion]]:
     )
     yield Term(
         DEAD_ZONE,
-        "Dead zone of the drive, its corners rounded or blurred by what acts unrecorded",
+        "Dead zone of the drive, its corners rounded or blurred by disturbances",
         "z erf(F/(2^(1/2) r F75)), F = baseline terms",
         amount("z", axis.push, 1e4),
         lambda m, blur: stack(_mean_sense(m, blur)),

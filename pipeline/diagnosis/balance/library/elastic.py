@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 RESONANCE, BACKLASH = "two_masses", "backlash"
 """Terms of a mass on a spring, and of a load beyond a gap."""
 
-SURE_FLIGHT = "hard"
-"""Variant of the latter of which it is known how it rebounds, so that its flight may be foretold."""
+HARD_STOP, SURE_FLIGHT = "hard", f"{BACKLASH}/hard"
+"""Variant and key of the latter of which it is known how it rebounds, so that its flight may be foretold."""
 
 LIKE_PLAY = frozenset({DELAY, RESONANCE})
 """Terms that together explain what play in a coupling does: it comes late, and lets the far side swing."""
@@ -86,11 +86,12 @@ def gap_terms(axis: Axis) -> Iterator[Term[Motion]]:
         separating_test=GAP_TEST,
         of_parts=True,
     )
-    for variant, rebounds, outcomes in ((SURE_FLIGHT, (HARD,), None), ("flying", REBOUNDS, flights)):
+    for variant, rebounds, outcomes in ((HARD_STOP, (HARD,), None), ("flying", REBOUNDS, flights)):
+        parts = f"{HARD}" if outcomes is None else f"{REBOUNDS[0]} to {REBOUNDS[-1]}, the mean,"
         yield Term(
             BACKLASH,
             BACKLASH_TITLE,
-            f"m (a_far - a), mean a_far of a mass that is free across b and rebounds with {rebounds} of its speed",
+            f"m (a_far - a), a_far of a mass that is free across b and rebounds with {parts} of its speed",
             amount("m", axis.mass, 1e4),
             lambda m, gap, rebounds=rebounds: stack(flights(m, gap, rebounds).mean(axis=1)),  # type: ignore[misc]  # bound now
             BALANCE,

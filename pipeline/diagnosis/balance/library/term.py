@@ -204,7 +204,7 @@ class Term(Generic[M]):
     columns : callable
         From what moves (a `Motion`) and the value of the shape (NaN without one) to an (n, amplitudes) array.
     outcomes : callable, optional
-        From the same to an (n, k) array: what may happen, where nobody knows which; its column is their mean.
+        From the same to an (n, k) array: what may happen, where nobody knows which; its column is about their mean.
     source : Source
         Where the equation is taken from.
     shape : Quantity, optional
