@@ -150,7 +150,7 @@ def diagnose_terms(
     A load that crosses a gap comes late, so that a delay may lead where it takes up more of a force than a flight does
     that nobody can foretell. Where it is held back for that, or no proof bears out what leads, the library is asked
     without what play may be taken for, and without a flight that can be foretold. Backlash is then named where it
-    stands the proof and, every row counted alike, predicts withheld blocks as well as what led.
+    stands the proof and predicts withheld blocks as well as what led, rows without the noise that a flight gives them.
     """
     first = _diagnosed(case, recorded, withheld, rng, low_passes)
     if first.verdict is not Verdict.NOT_IN_LIBRARY or first.naming is None or first.impossible or recorded.coasts:

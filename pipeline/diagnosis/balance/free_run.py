@@ -28,7 +28,7 @@ FADE, LIMIT = "drive_fade", "drive_limit"
 """Terms that change what force acts when, instead of adding one."""
 
 OF_COMMAND = frozenset({DELAY, FADE, GAIN, LIMIT, DEAD_ZONE})
-"""All that do and are undone."""
+"""All of them that a simulation undoes; a dead zone as one with sharp corners."""
 
 RUNS_AWAY = 1e6
 """Speed [SI] from which on a simulation is given up: its errors are NaN."""

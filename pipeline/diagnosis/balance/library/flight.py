@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 HARD, REBOUNDS = 0.6, (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
-"""Part of the speed at which a load meets a stop with which it leaves it: of steel, and what any may have."""
+"""Part of the speed at which a load meets a stop with which it leaves it: steel on steel, and whatever it may be."""
 
 
 @compiled
