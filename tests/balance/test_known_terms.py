@@ -88,6 +88,7 @@ def known(*rows: tuple[str, str, float, str]) -> str:
     )
 
 
+@slow
 def test_what_was_named_is_known_of_further_recordings(tmp_path: Path) -> None:
     """The file that a run writes makes other recordings of the same machine consistent, and one that wears is told."""
     done = run_machine(str(written(tmp_path, MACHINE)), records(tmp_path / "a", dragging, 3), tmp_path / "out")

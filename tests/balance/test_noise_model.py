@@ -67,7 +67,7 @@ def _sticking(rng: np.random.Generator) -> Array:
     ("noise", "of_own", "records", "most"),
     [
         (_coloured, _none, 120, 12),
-        (_red, _sticking, 60, 8),
+        (_red, _sticking, 20, 4),
         pytest.param(_red, _sticking, 200, 18, marks=slow),
         pytest.param(_coloured, _sticking, 200, 18, marks=slow),
     ],

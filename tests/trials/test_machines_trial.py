@@ -69,7 +69,9 @@ def test_a_campaign_is_read_from_its_files_and_its_causes_have_their_size(tmp_pa
     assert campaign.right or part.name not in {cause.name for cause in CAUSES if cause.right}
 
 
-@pytest.mark.parametrize(("number", "kind"), [(0, "slide"), pytest.param(91, "drive", marks=slow)])
+@pytest.mark.parametrize(
+    ("number", "kind"), [pytest.param(0, "slide", marks=slow), pytest.param(91, "drive", marks=slow)]
+)
 def test_a_late_reading_within_a_regulated_loop_is_a_delay_and_nothing_else(
     tmp_path: Path, number: int, kind: str
 ) -> None:
