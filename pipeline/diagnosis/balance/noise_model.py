@@ -45,7 +45,7 @@ own is an upper bound, so that those with much of it hold less than they are div
 ALIKE = 3.0
 """Frequencies for which a band counts at most in the power of the one below it, however well it is known."""
 
-DRAWN, STEPS, SEED, FINE = 16, 200, 5, 4096
+DRAWN, STEPS, SEED, FINE = 24, 200, 5, 4096
 """Draws of noise in each band, steps of the iteration, seed of the draws, and rows of a fine spectrum."""
 
 SILENT = 1e-12
