@@ -119,11 +119,11 @@ def _late_at_times(problem: TermProblem, named: tuple[TermFit, ...]) -> bool:
         column = problem.columns_of(fit.candidate, fit.shape)
         most = np.abs(column) > np.quantile(np.abs(column), MOST_MOVED)
         parts = beside.project(np.hstack([np.where(most, column, 0.0), np.where(most, 0.0, column)]))
-        long, short = np.linalg.lstsq(parts, beside.left, rcond=None)[0]
-        left = beside.left - parts @ np.array([long, short])
+        delays = np.linalg.lstsq(parts, beside.left, rcond=None)[0]
+        left = beside.left - parts @ delays
         apart = np.array([1.0, -1.0])
         square = apart @ np.linalg.pinv(parts.T @ parts) @ apart * float(left @ left) / len(left)
-        if abs(long - short) > SURELY * math.sqrt(square) and short / long < SHORTER:
+        if abs(apart @ delays) > SURELY * math.sqrt(square) and delays[1] / delays[0] < SHORTER:
             return True
     return False
 

@@ -27,7 +27,7 @@ from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.fit.span import freed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
@@ -45,7 +45,7 @@ OPEN_ERRORS = 4.0
 """Standard errors of a zero seen at rest by which it may be off, so that another term is no sure cause of as much."""
 
 SEARCHES, AGAIN = 3, 3
-"""Searches at most, and times that the baseline is fitted anew beside faults that distort it."""
+"""Searches at most, and repeated fits of the baseline together with a fault that changes its force."""
 
 
 def _free_terms(case: Case) -> tuple[Term[Motion], ...]:
@@ -111,7 +111,7 @@ class Searched:
     """A record searched: its noise, families and evidence about the free terms of the baseline, and what was found.
 
     The moments of reversal are free in `problem` and not in `for_refinements`; `turned` (n, k) are their columns.
-    `recorded` is as it is beside the terms `fitted`.
+    In `recorded`, the baseline was fitted together with the terms `fitted`, and rows have the noise these add.
     """
 
     case: Case
@@ -152,14 +152,13 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
     named: tuple[TermFit, ...] = ()
     fitted: tuple[SetTerm, ...] = ()
     for turn in range(SEARCHES):
-        if turn and _of_kind(named) | {each.term.key for each in fitted}:
+        if _of_kind(fit.candidate for fit in named) or fitted:
             given, fitted = _beside(whole, case, free, named)
             looked, faults = families_of(given, case.axis), tuple(term for term in searched if term.of_model)
             tables, coarse = tables | tabulate(given, faults), coarse | tabulate(given, faults, coarse=True)
-            structured = np.hstack(
-                [_structured(plain, looked, coarse), *([design_of(given, (), named)] if named else [])]
-            )
+            structured = _structured(plain, looked, coarse)
         if named:
+            structured = np.hstack([structured, design_of(given, (), named)])
             recorded, _ = for_search(given, free, named)
         noise = noise_of(recorded.force, structured, recorded.breaks[1:], recorded.own_noise)
         null = noise.whitened_draws(DRAWS, rng)
@@ -176,10 +175,9 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
             problem = _with_second(term_problem(recorded, tables, noise.noise, plain), case)
         found = name_candidates(problem, TermCatalogue(), adequacy_test(evidence))
         before, named = {fit.identifier for fit in named}, found.best.fits
-        as_fitted = _of_kind(named) == {each.term.key for each in fitted if _kind(each.term)}
+        as_fitted = _of_kind(fit.candidate for fit in named) == _of_kind(each.term for each in fitted)
         if as_fitted and (turn > 0 or found.best.ids == before):
             break
-        structured = np.hstack([structured, design_of(recorded, (), named)]) if named else structured
     basis, left = freed(noise.noise.whiten(columns), noise.noise.whiten(recorded.force[:, None])[:, 0])
     for_refinements = replace(problem, baseline=basis, left=left)
     return Searched(
@@ -194,27 +192,22 @@ def _structured(plain: Array, looked: tuple[ResidualStructure, ...], coarse: Map
     return np.hstack([plain, *(family.columns for family in looked), *allowed])
 
 
-def _kind(term: Term[Motion]) -> bool:
-    """Whether a term distorts what the rest gives, or nobody knows what it does."""
-    return term.of_model or term.outcomes is not None
-
-
-def _of_kind(named: tuple[TermFit, ...]) -> set[str]:
-    """Keys of such terms."""
-    return {fit.candidate.key for fit in named if _kind(fit.candidate)}
+def _of_kind(terms: Iterable[Term[Motion]]) -> set[str]:
+    """Keys of the terms that distort what the rest gives, or whose force nobody can foretell."""
+    return {term.key for term in terms if term.of_model or term.outcomes is not None}
 
 
 def _beside(
     recorded: Recorded, case: Case, free: tuple[Term[Motion], ...], named: tuple[TermFit, ...]
 ) -> tuple[Recorded, tuple[SetTerm, ...]]:
-    """Recordings as they are beside terms that were named, and these with their numbers; none without such a kind.
+    """Recordings with the baseline fitted together with named terms, and these terms with the amplitudes of that fit.
 
     A fault of a drive takes its part of the force, which moves the amplitudes of the baseline, and the moments at which
-    their sum changes its sign: what the rest gives is fitted beside it. Where nobody knows what a term does, rows have
-    the scatter of what it may do as noise of their own.
+    their sum changes sign. Where the force of a term cannot be foretold, the scatter of its possible values is added
+    to the noise of each row. Unchanged, and no terms, where none is of either kind.
     """
     terms = tuple(SetTerm(fit.candidate, fit.amplitudes, fit.shape) for fit in named)
-    if not _of_kind(named):
+    if not _of_kind(fit.candidate for fit in named):
         return recorded, ()
     for _ in range(AGAIN if any(fit.candidate.of_model for fit in named) else 0):
         found = solve(design_of(recorded, free, named), recorded.force)
