@@ -10,19 +10,32 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import brentq
 from scipy.signal import csd, fftconvolve, welch
 
+from pmg.pipeline.motion.quantisation import (
+    QUANTISED_PIECE,
+    quantisation_on_average,
+    slowly_counted,
+    turning_directions,
+)
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pmg.pipeline.motion.quantisation import QuantisationError
     from pmg.sim.shafts import PerShaft
     from pmg.sim.signals import Array, Mask
 
 CREEPING = 0.2
 """Speed [rad/s] up to which a shaft stands or creeps: before it has moved faster, and after, nothing is said of it."""
 
-OFFSETS = (0.25, 0.75)
+OFFSETS = (0.125, 0.375, 0.625, 0.875)
 """Parts of a count by which the angle that is counted again is moved; a shaft at rest stands on a whole one."""
+
+LOCAL = 0.05
+"""Time over which the noise of the steps is told at an instant [s]."""
+
+SHOWN_RATE = 250.0
+"""Instants a second at which it is told [1/s]."""
 
 HARMONICS = np.arange(1, 9)
 """Waves of the steps of a count that are taken."""
@@ -34,34 +47,29 @@ LEAST = 0.05
 """Least part of the noise of even steps that is taken."""
 
 
-QUANTISED_PIECE = 1.0
-"""Time over which the mean of what steps are off is taken [s], about."""
-
-FINEST = 40
-"""Highest wave of the steps that is looked for in that mean."""
-
-QUANTISED_LEAST = 9.0
-"""Square of the mean of a wave of the steps, over that of steps without order, from which on it counts: one in 8000."""
-
-
 @dataclass(frozen=True)
-class QuantisationError:
-    """What the steps of an encoder are off on average, which stays while a speed is held.
+class NoiseCourse:
+    """How the noise of an angle changes in a run: standard deviations over those of the whole run.
 
     Parameters
     ----------
     time : (q,) array
-        Middles of pieces of about `QUANTISED_PIECE` of the record [s].
-    spread : (q,) array
-        Standard deviation of the mean over each [rad]; zero where the steps follow no order.
+        Instants [s].
+    curvature, value : (q,) array
+        Of the second derivative, and of the angle itself.
+    turning : (q, w) array
+        Directions of what steps are off in the second derivative where the shaft turns back, each as long as its
+        standard deviation [rad/s2]: the same each time at the same place, so that no other noise holds it.
     """
 
     time: Array
-    spread: Array
+    curvature: Array
+    value: Array
+    turning: Array
 
 
-NO_ERROR = QuantisationError(np.zeros(0), np.zeros(0))
-"""Of an encoder whose steps are not known."""
+EVEN = NoiseCourse(np.zeros(1), np.ones(1), np.ones(1), np.zeros((1, 0)))
+"""Of an angle whose noise is the same all the time."""
 
 
 @dataclass(frozen=True)
@@ -71,16 +79,19 @@ class AngleNoise:
     Parameters
     ----------
     density : float
-        Spectral density as the second derivative shows it [rad2/Hz], one-sided.
+        Spectral density as the second derivative shows it [rad2/Hz], one-sided, over the whole run.
     value_density : float
         The same as the angle itself shows it: lines low in the band count in full.
     quantisation : QuantisationError
         What the mean of the steps is off, which neither holds.
+    course : NoiseCourse
+        How both change in the run.
     """
 
     density: float
     value_density: float
     quantisation: QuantisationError
+    course: NoiseCourse = EVEN
 
 
 def angle_noise(
@@ -114,7 +125,9 @@ def angle_noise(
     are no larger than what steps make of themselves, as steps that are there already would count as none again. Jitter
     of size s between samples spreads the k-th wave of the steps: :math:`e^{-(2\pi k s/c)^2}` of its power is left; how
     large jitter is shows above the band, where all beyond the steps is taken for it. A line low in the band is next to
-    nothing in the second derivative and whole in the angle, so that each has a density of its own.
+    nothing in the second derivative and whole in the angle, so that each has a density of its own. What steps make is
+    told instant by instant: more while the speed changes than while one is held; where the shaft turns back it is no
+    noise at all, as it comes again with the same place.
 
     References
     ----------
@@ -129,55 +142,38 @@ def angle_noise(
     smooth = without_small_waves(smooth, STILL * count, calm)
     again = [np.floor(smooth / count + offset) * count for offset in OFFSETS]
     even = count**2 / 6.0 / rate
-    off = [shown - smooth for shown in again]
+    off, slowly = [shown - smooth for shown in again], slowly_counted(smooth, count, rate)
     inside, of_value = (
-        max(float(np.mean(power)) / (0.5 * rate * float(weights @ weights)), LEAST * even)
+        power / (0.5 * rate * float(weights @ weights))
         for weights, power in (
-            (curved, [np.mean(fftconvolve(each, curved, "valid") ** 2) for each in off]),
-            (low, [_quick_power(fftconvolve(each, low, "valid"), rate) for each in off]),
+            (curved, np.mean([fftconvolve((1.0 - slowly) * each, curved, "valid") ** 2 for each in off], axis=0)),
+            (low, np.mean([_quick_power(fftconvolve(each, low, "valid"), rate) for each in off], axis=0)),
         )
     )
     outside = float(np.mean([_above_band(shown, rate, above) for shown in again]))
     seen = _above_band(angle, rate, above)
 
-    def beside(jitter: float, of_steps: float) -> float:
+    def beside(jitter: float, of_steps: Array) -> Array:
         kept = _kept(jitter * 0.5 * rate, count)
         return kept * of_steps + (1.0 - kept) * even + jitter
 
-    jitter = float(brentq(lambda size: beside(size, outside) - seen, 0.0, seen)) if outside < seen else 0.0
-    quantisation = _quantisation(smooth, count, jitter * 0.5 * rate, rate, began / rate)
-    return AngleNoise(beside(jitter, inside), beside(jitter, of_value), quantisation)
+    jitter = 0.0
+    if outside < seen:
+        jitter = float(brentq(lambda size: float(beside(size, np.array(outside))) - seen, 0.0, seen))
+    quantisation = quantisation_on_average(smooth, count, jitter * 0.5 * rate, rate, began / rate)
+    over, every = max(round(LOCAL * rate), 1), max(round(rate / SHOWN_RATE), 1)
+    at = [beside(jitter, np.maximum(uniform_filter1d(power, over), LEAST * even)) for power in (inside, of_value)]
+    density, of_angle = (float(np.mean(power)) for power in at)
+    curvature, value = (np.sqrt(power[::every] / np.mean(power)) for power in at)
+    turning = turning_directions(smooth, count, jitter * 0.5 * rate, slowly, curved)[::every]
+    time = (began + len(curved) // 2 + every * np.arange(len(curvature))) / rate
+    return AngleNoise(density, of_angle, quantisation, NoiseCourse(time, curvature, value, turning))
 
 
-def _quick_power(values: Array, rate: float) -> float:
-    """Mean square of what is quicker than the mean over `QUANTISED_PIECE`."""
-    return float(np.mean((values - uniform_filter1d(values, min(round(QUANTISED_PIECE * rate), len(values)))) ** 2))
-
-
-def _quantisation(smooth: Array, count: float, variance: float, rate: float, began: float) -> QuantisationError:
-    r"""What the steps of a smooth angle from a time on are off on average, piece by piece.
-
-    At a speed of a whole number of counts a sample, or of some samples, the steps are off by the same for as long as it
-    is held, and nothing in the record tells by how much: it depends on where the angle stands within a count.
-    `variance` is that of the jitter from sample to sample [rad2].
-
-    Notes
-    -----
-    Over all places within a count, the mean error of the steps has the variance
-    :math:`c^2 \sum_k |m_k|^2 e^{-(2\pi k s/c)^2}/(2\pi^2 k^2)` with the means :math:`m_k` of
-    :math:`e^{2\pi i k x/c}` (Widrow and Kollár 2008, chapter 4).
-    """
-    edges = np.linspace(0, len(smooth), max(round(len(smooth) / (QUANTISED_PIECE * rate)), 1) + 1).astype(np.int64)
-    samples = np.diff(edges)
-    turn = np.exp(1j * REVOLUTION * (smooth / count))
-    wave, found = np.ones_like(turn), np.zeros(len(samples))
-    for k in range(1, FINEST + 1):
-        wave = wave * turn
-        seen = np.abs(np.add.reduceat(wave, edges[:-1]) / samples) ** 2
-        kept = np.exp(-variance * (REVOLUTION * k / count) ** 2) / (2.0 * np.pi**2 * k**2)
-        found += np.where(seen > QUANTISED_LEAST / samples, kept * seen, 0.0)
-    time = np.asarray(began + 0.5 * (edges[:-1] + edges[1:]) / rate)
-    return QuantisationError(time, np.asarray(count * np.sqrt(found)))
+def _quick_power(values: Array, rate: float) -> Array:
+    """Squares of what is quicker than the mean over `QUANTISED_PIECE`."""
+    slow = uniform_filter1d(values, min(round(QUANTISED_PIECE * rate), len(values)))
+    return np.asarray((values - slow) ** 2)
 
 
 def without_small_waves(smooth: Array, size: float, calm: Array) -> Array:

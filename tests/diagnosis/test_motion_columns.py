@@ -16,19 +16,21 @@ from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, _linearised, 
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.noise import shown
+from pmg.pipeline.diagnosis.motion.noise.filtered import filtered_noise
 from pmg.pipeline.diagnosis.motion.noise.row_noise import row_noise
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
-from pmg.pipeline.motion.angle_noise import NO_ERROR, AngleNoise, QuantisationError
+from pmg.pipeline.motion.angle_noise import EVEN, AngleNoise, NoiseCourse
 from pmg.pipeline.motion.lag import Lag
-from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft, smooth
+from pmg.pipeline.motion.quantisation import NO_ERROR, QuantisationError
+from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft, row_weights, smooth
 from pmg.pipeline.trials.motion.bench import draw_bench
 from pmg.pipeline.trials.motion.nature import MotionCase, measure_motion_case
 from pmg.pipeline.trials.motion.programme import MotionCampaign
 from pmg.pipeline.trials.motion.size import Scene
 from pmg.pipeline.trials.motion.strata import motion_strata
 from pmg.sim.bench import load_bench
-from pmg.sim.shafts import SIDES, PerShaft, per_shaft
+from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
 from pmg.sim.signals import Array
 
 
@@ -150,6 +152,47 @@ def test_a_steady_torque_is_known_as_well_as_the_noise_of_its_transducer_allows(
     assert seen
 
 
+@pytest.mark.parametrize("coupled", [False, True])
+def test_noise_that_changes_in_a_run_has_the_covariance_that_its_filters_make_of_it(
+    baseline: MotionBaseline, *, coupled: bool
+) -> None:
+    """Rows as sums of white samples, each as large as the noise is at its instant."""
+    stretch = next(each for each in baseline.stretches if each.coupled == coupled and not each.at_rest)
+    run, side, other, rows = stretch.run, stretch.side, other_side(stretch.side), 25
+    stiffness, inertia = PerShaft(30.0, 80.0) if coupled else PerShaft(0.0, 0.0), 0.02
+    courses = PerShaft(
+        *(NoiseCourse(run.time, *_swells(len(run.time), k), np.zeros((len(run.time), 0))) for k in (0, 2))
+    )
+    noise = per_shaft(lambda of: replace(run.shafts[of].angle_noise, course=courses[of]))
+    shafts = per_shaft(lambda of: replace(run.shafts[of], angle_noise=noise[of]))
+    found = filtered_noise(replace(stretch, run=replace(run, shafts=shafts, common=0.0)), inertia, stiffness)
+    value, curvature = row_weights(run)
+    fine, half = round(run.run.rate / run.fine_rate), len(value) // 2
+    first, step = round(run.row_time[0] * run.run.rate) - half, round(run.run.rate / run.row_rate)
+    sample = first + np.arange(2 * half + 1 + step * (rows - 1)) - round(run.time[0] * run.run.rate)
+    at = np.maximum((sample + fine // 2) // fine, 0)
+
+    def made(density: float, weights: Array, size: Array) -> Array:
+        placed = np.stack([np.pad(weights, (step * row, step * (rows - 1 - row))) for row in range(rows)])
+        return np.asarray(np.sqrt(0.5 * run.run.rate * density) * placed * size[at])
+
+    sources = [
+        made(stretch.shaft.density, value, np.ones(len(run.time))),
+        made(noise[side].density, inertia * curvature, courses[side].curvature)
+        + made(noise[side].value_density, stiffness[side] * value, courses[side].value),
+        made(noise[other].value_density, stiffness[other] * value, courses[other].value),
+    ]
+    expected = np.sum([source @ source.T for source in sources], axis=0)
+    for row in (0, 7, 18):
+        np.testing.assert_allclose(found[row, :6], expected[row, row : row + 6], rtol=1e-9, atol=1e-9 * expected.max())
+
+
+def _swells(n: int, k: int) -> tuple[Array, Array]:
+    """Two sizes of a noise that change in a run (n,)."""
+    phase = np.linspace(0.0, 40.0, n)
+    return 1.0 + 0.8 * np.sin(phase + k), 1.0 + 0.6 * np.cos(1.3 * phase + k)
+
+
 def test_steps_that_are_off_for_long_act_through_the_magnetic_spring_and_not_in_neutral(
     baseline: MotionBaseline,
 ) -> None:
@@ -160,7 +203,8 @@ def test_steps_that_are_off_for_long_act_through_the_magnetic_spring_and_not_in_
 
         def off(side: str, run: SmoothRun = run, time: Array = time) -> SmoothShaft:
             error = QuantisationError(time, np.full(len(time), spread[side]))
-            return replace(run.shafts[side], angle_noise=replace(run.shafts[side].angle_noise, quantisation=error))
+            noise = replace(run.shafts[side].angle_noise, quantisation=error, course=EVEN)
+            return replace(run.shafts[side], angle_noise=noise)
 
         stretches = list(baseline.stretches)
         stretches[place] = replace(stretch, run=replace(run, shafts=per_shaft(off)))

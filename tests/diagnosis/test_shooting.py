@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.shooting import LENGTHS, shoot
-from pmg.pipeline.diagnosis.motion.traces import TorqueTrace
+from pmg.pipeline.diagnosis.motion.traces import TorqueTrace, _spread
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def _trace(
 
     before, after = (-each[known] for each in missing)
     nothing = np.zeros((len(torque), 1))
-    of_noise = (torque, torque, np.zeros(2), nothing)
+    of_noise = (torque, torque, np.zeros((1, len(torque))), nothing)
     return TorqueTrace(
         cast("RotorRows", stretch), state(1.0, DAMPING), state(lighter, damping), before, after, after, *of_noise
     )
@@ -181,16 +181,27 @@ def test_of_a_coupled_run_both_rotors_must_be_known() -> None:
 
 
 def test_realisations_of_noise_have_the_covariance_that_is_stated(rng: np.random.Generator) -> None:
-    rows = np.array([True, True, False, True, True])
-    slow = np.array([[1.0], [1.0], [0.0], [2.0]])
-    correlation, nothing = np.array([2.0, 1.0, 0.4]), np.zeros(4)
-    stretch: Any = SimpleNamespace(rows=rows)
-    state: Any = None
-    predicted, spreads = (nothing, nothing, nothing), (nothing, nothing)
-    trace = TorqueTrace(stretch, state, state, *predicted, *spreads, correlation, slow)
-    apart = np.abs(np.subtract.outer(np.flatnonzero(rows), np.flatnonzero(rows)))
-    expected = np.r_[correlation, np.zeros(5)][apart] + slow @ slow.T
-    assert np.cov(trace.draw_noise(rng, 40_000)) == pytest.approx(expected, abs=0.12)
+    slow, nothing = np.array([[1.0], [1.0], [0.0], [2.0]]), np.zeros(4)
+    factor = np.array([[1.4, 0.0, 0.0, 0.0], [0.7, 1.2, 0.0, 0.0], [0.3, 0.6, 2.0, 0.0], [0.0, 0.0, 0.9, 1.1]])
+    band = np.array([np.pad(np.diag(factor, -lag), (0, lag)) for lag in range(3)])
+    nobody: Any = None
+    trace = TorqueTrace(nobody, nobody, nobody, *(nothing,) * 5, band, slow)
+    expected = factor @ factor.T + slow @ slow.T
+    assert np.cov(trace.draw_noise(rng, 40_000)) == pytest.approx(expected, abs=0.15)
+
+
+def test_the_band_of_a_smoothed_torque_is_that_of_its_noise_at_any_instant() -> None:
+    """A noise that grows in the run, with correlated rows: of each row, and of the mean over five."""
+    n = 30
+    band = np.array([1.0, 0.8, 0.3])[:, None] * np.linspace(0.5, 2.0, n)
+    for lag in (1, 2):
+        band[lag, n - lag :] = 0.0
+    factor = np.sum([np.diag(band[lag, : n - lag], -lag) for lag in range(3)], axis=0)
+    averaged = np.array([np.mean(factor[max(k - 2, 0) : k + 3], axis=0) for k in range(n)])
+    of_no_run = cast("RotorRows", SimpleNamespace(run=_Run(rows_in=n, row_rate=RATE), rows=np.ones(n, dtype=np.bool_)))
+    for width, expected in ((1, factor), (5, averaged)):
+        found = _spread(of_no_run, band, np.zeros((n, 0)), width)
+        np.testing.assert_allclose(found, np.linalg.norm(expected, axis=1))
 
 
 def test_the_noise_of_a_simulation_is_what_its_torque_makes_of_it() -> None:

@@ -76,6 +76,68 @@ def test_steps_that_fold_into_the_band_are_told_as_large_as_they_are() -> None:
     assert 0.93 < told / seen < 1.07  # a smooth angle that holds the steps in the band told a third of them
 
 
+def _weights() -> Array:
+    """Weights of the samples in a row of the second derivative."""
+    return row_weights(smooth(_run(*2 * (np.zeros(2000),))))[1]
+
+
+def _in_time(speed: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Squares (2, n) told and seen of what steps are off in rows of an angle, and of its second derivative, in time."""
+    true = np.cumsum(speed) / RATE + rng.uniform() * COUNT
+    read = COUNT * np.floor(true / COUNT)
+    found = smooth(_run(WHITE * rng.standard_normal(len(true)), read))
+    noise, filters, at = found.shafts.sun.angle_noise, row_weights(found), np.arange(len(true)) / RATE
+    course, seen = noise.course, [fftconvolve(read - true + 0.5 * COUNT, each, "same") ** 2 for each in filters]
+    densities = (
+        density * np.interp(at, course.time, size) ** 2
+        for density, size in ((noise.value_density, course.value), (noise.density, course.curvature))
+    )
+    told = [
+        0.5 * RATE * fftconvolve(density, weights**2, "same")
+        for density, weights in zip(densities, filters, strict=True)
+    ]
+    told[1] += np.interp(at, course.time, np.sum(course.turning**2, axis=1), left=0.0, right=0.0)
+    return np.array(told), np.array(seen)
+
+
+def test_steps_are_told_as_large_as_they_are_where_a_shaft_turns_back_and_where_it_is_started() -> None:
+    rng, time = np.random.default_rng(15), _seconds(20.0)
+    clear = (time > 0.3) & (time < 19.7)
+    begun, turned, held = (np.zeros((2, 2)) for _ in range(3))  # told and seen, of the angle and its second derivative
+    for _ in range(24):
+        swung = rng.uniform(1.3, 2.6) * np.sin(2.0 * np.pi * time / rng.choice([3.0, 3.75, 5.0]) + 1.0)
+        turned += np.array(_in_time(swung, rng))[:, :, clear & (np.abs(swung) < 0.1)].mean(axis=2)
+        started = (50.0 + rng.uniform(0.3, 0.45)) * RATE * COUNT * np.clip(time / 4.0, 0.0, 1.0)
+        of_start = np.array(_in_time(started, rng))
+        begun += of_start[:, :, clear & (time < 4.0)].mean(axis=2)
+        held += of_start[:, :, clear & (time > 4.0)].mean(axis=2)
+    for told, seen in (begun, turned, held):
+        np.testing.assert_allclose(told / seen, 1.0, atol=0.3)
+    assert np.all(begun[1] > 1.5 * held[1])  # what one figure for the whole run cannot tell
+
+
+def test_steps_are_off_by_the_same_each_time_that_a_shaft_turns_back() -> None:
+    """A swing that comes back to the same place: a few waves of the size that is told hold next to all of it."""
+    rng, time, curved = np.random.default_rng(16), _seconds(20.0), _weights()
+    left, whole, sizes = 0.0, 0.0, []
+    for _ in range(24):
+        swung = rng.uniform(1.3, 2.6) * np.sin(2.0 * np.pi * time / 4.0 + 1.0)
+        true = np.cumsum(swung) / RATE + rng.uniform() * COUNT
+        read = COUNT * np.floor(true / COUNT)
+        course = smooth(_run(WHITE * rng.standard_normal(len(true)), read)).shafts.sun.angle_noise.course
+        off = fftconvolve(read - true + 0.5 * COUNT, curved, "same")
+        waves, seen = course.turning, np.interp(course.time, time, off)
+        power = np.sum(waves**2, axis=1)
+        near = power > 0.1 * power.max()
+        white = 0.1 * np.mean(power[near])
+        size = np.linalg.solve(waves.T @ waves / white + np.eye(waves.shape[1]), waves.T @ seen / white)
+        left += float(np.sum((seen - waves @ size)[near] ** 2))
+        whole += float(np.sum(seen[near] ** 2))
+        sizes.append(size[:2])
+    assert left < 0.05 * whole
+    assert 0.6 < np.mean(np.square(sizes)) < 1.5
+
+
 def test_steps_of_a_ramp_from_standstill_are_told_as_large_as_they_are() -> None:
     rng, told, seen = np.random.default_rng(8), 0.0, 0.0
     for fastest in np.linspace(20.0, 60.0, 16):

@@ -41,8 +41,8 @@ class TorqueTrace:
         Standard deviation of the measured torque, smoothed over `SMOOTHED`.
     row_spread : (n,) array
         The same of each row by itself.
-    correlation : (b,) array
-        Covariance of the noise that the filters leave with as many rows later [(N m)2].
+    band : (b, n) array
+        Diagonals of the factor of the covariance of the noise that the filters leave [N m].
     slow : (n, k) array
         Directions of wander, ripple and quantisation, each as long as its standard deviation [N m].
     """
@@ -55,7 +55,7 @@ class TorqueTrace:
     after: Array
     spread: Array
     row_spread: Array
-    correlation: Array
+    band: Array
     slow: Array
 
     @property
@@ -69,15 +69,11 @@ class TorqueTrace:
 
     def draw_noise(self, rng: np.random.Generator, draws: int) -> Array:
         """Realisations of its noise [N m] (n, draws)."""
-        lags = len(self.correlation)
-        length = len(self.stretch.rows) + 2 * lags
-        circle = np.zeros(length)
-        circle[:lags] = self.correlation
-        circle[-lags + 1 :] = self.correlation[:0:-1]
-        power = np.maximum(np.fft.rfft(circle).real, 0.0)
-        white = np.fft.rfft(rng.standard_normal((length, draws)), axis=0)
-        filtered = np.fft.irfft(np.sqrt(power)[:, None] * white, length, axis=0)[: len(self.stretch.rows)]
-        return np.asarray(filtered[self.stretch.rows] + self.slow @ rng.standard_normal((self.slow.shape[1], draws)))
+        found = self.slow @ rng.standard_normal((self.slow.shape[1], draws))
+        white = rng.standard_normal((self.band.shape[1], draws))
+        for lag, diagonal in enumerate(self.band):
+            found[lag:] += (diagonal[:, None] * white)[: len(found) - lag]
+        return np.asarray(found)
 
 
 def term_of(fit: TermFit) -> MotionTerm:
@@ -153,8 +149,7 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
         smooth, by_row = (_spread(stretch, band, slow, width) for width in (_width(stretch), 1))
         states = baseline.states[place], before.states[place]
         predicted = before.predicted(place), of_constants[place], after[place]
-        correlation = scatter**2 * noise[place].correlation
-        found.append(TorqueTrace(stretch, *states, *predicted, smooth, by_row, correlation, slow))
+        found.append(TorqueTrace(stretch, *states, *predicted, smooth, by_row, band, slow))
     return tuple(found)
 
 
@@ -163,14 +158,17 @@ def _spread(stretch: RotorRows, band: Array, slow: Array, width: int) -> Array:
 
     `band` holds the diagonals of the factor of what the filters leave, `slow` those of wander, ripple and quantisation.
     """
-    weights = np.zeros(band.shape[1])
-    width = min(width, len(weights))
-    weights[(len(weights) - width) // 2 :][:width] = 1.0 / width
-    white = np.zeros(len(weights))  # what the weights make of the factor's columns
-    for lag, diagonal in enumerate(band):
-        white[: len(weights) - lag] += diagonal[: len(weights) - lag] * weights[lag:]
+    half, n = width // 2, band.shape[1]
+    upto = np.pad(np.cumsum(band, axis=0), ((1, 0), (0, 0)))  # what a mean takes of each column of the factor
+    variance, taken = np.zeros(n), np.arange(n)
+    among = np.minimum(taken, half) + np.minimum(n - 1 - taken, half) + 1
+    for ahead in range(-half - len(band) + 1, half + 1):  # of the column, from the row in the middle of the mean
+        last, first = np.clip(np.array([half - ahead + 1, -half - ahead]), 0, len(band))
+        rows = slice(max(-ahead, 0), n - max(ahead, 0))
+        columns = slice(max(ahead, 0), n - max(-ahead, 0))
+        variance[rows] += (upto[last, columns] - upto[first, columns]) ** 2
     slow = slow if width == 1 else _smoothed(stretch, slow)
-    return np.asarray(np.sqrt(white @ white + np.sum(slow**2, axis=1)))
+    return np.asarray(np.sqrt(variance / among**2 + np.sum(slow**2, axis=1)))
 
 
 def _width(stretch: RotorRows) -> int:

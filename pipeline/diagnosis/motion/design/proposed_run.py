@@ -14,7 +14,8 @@ from scipy.ndimage import gaussian_filter1d
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
 from pmg.pipeline.diagnosis.motion.constants import FREE, SheetConstant, start_name
 from pmg.pipeline.diagnosis.motion.rows import RotorRows, linear_columns, rotor_state, stretches_of
-from pmg.pipeline.motion.angle_noise import NO_ERROR, AngleNoise
+from pmg.pipeline.motion.angle_noise import AngleNoise
+from pmg.pipeline.motion.quantisation import NO_ERROR
 from pmg.pipeline.motion.run import MovingRun
 from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft, derivative
 from pmg.pipeline.recording.run_records import Manoeuvre

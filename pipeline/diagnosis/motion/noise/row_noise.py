@@ -9,9 +9,10 @@ import numpy as np
 from scipy.linalg import cholesky_banded
 
 from pmg.pipeline.diagnosis.motion.constants import RIPPLE
+from pmg.pipeline.diagnosis.motion.noise.filtered import banded_rows, filtered_noise
 from pmg.pipeline.diagnosis.motion.noise.wander import Wander, covariance_between, draw_wander
 from pmg.pipeline.motion.banded import BandedFactor
-from pmg.pipeline.motion.smooth import BAND, row_weights
+from pmg.pipeline.motion.smooth import BAND
 from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
 from pmg.sim.signals import REVOLUTION
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
-    from pmg.pipeline.motion.angle_noise import QuantisationError
+    from pmg.pipeline.motion.quantisation import QuantisationError
     from pmg.sim.signals import Array
 
 LONGEST = 3.0
@@ -87,7 +88,8 @@ class RowNoise:
     slow_noise : SlowNoise
         Of which wander and ripple are.
     quantisation : (n, h) array
-        Directions of what steps of the encoders are off on average, each as long as its standard deviation [N m].
+        Directions of what steps of the encoders are off on average, and where a shaft turns back, each as long as its
+        standard deviation [N m].
     knots : (q,) array
         Instants from which to which its wander goes straight [s since 1970].
     lines : (n, q) array
@@ -128,40 +130,24 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     -----
     A row is a filtered sum of white sequences: that of its transducer, and the quantisation of the encoders through
     inertia and the stiffness of the magnetic spring, with the density that either has. Its correlation ends where the
-    filters do, so that the covariance of any rows is banded.
+    filters do, so that the covariance of any rows is banded. Steps of an encoder make more noise while the speed
+    changes and where a shaft turns back than while one is held: the size of each source goes with time.
     """
     stretch, sheet = baseline.stretches[place], baseline.sheet
     run, side = stretch.run, stretch.side
-    own, (value, curvature) = stretch.shaft, row_weights(run)
-    sources, common = [(own.density, value, value)], run.common
     quantisation = [np.zeros((len(stretch), 0))]
+    inertia, peak = (float(baseline.values[sheet.at(name)]) for name in (f"inertia_{side}", "pull_out"))
+    spring = peak * sheet.poles[side] if stretch.coupled else 0.0
+    if spring and not stretch.at_rest:
+        for of in SIDES:
+            off = _quantisation_spread(stretch, run.shafts[of].angle_noise.quantisation)
+            quantisation.append(spring * sheet.poles[of] * off)
     if not stretch.at_rest:
-        inertia, peak = (float(baseline.values[sheet.at(name)]) for name in (f"inertia_{side}", "pull_out"))
-        spring, of_angle = peak * sheet.poles[side] if stretch.coupled else 0.0, own.angle_noise
-        by_inertia, by_angle = inertia * curvature, spring * sheet.poles[side] * value
-        of_own = np.sqrt(of_angle.density) * by_inertia + np.sqrt(of_angle.value_density) * by_angle
-        sources.append((1.0, of_own, of_own))
-        if spring:
-            other = other_side(side)
-            of_other = spring * sheet.poles[other] * value
-            sources.append((run.shafts[other].angle_noise.value_density, of_other, of_other))
-            sources.append((2.0 * common, by_inertia + by_angle, of_other))
-            for of in SIDES:
-                off = _quantisation_spread(stretch, run.shafts[of].angle_noise.quantisation)
-                quantisation.append(spring * sheet.poles[of] * off)
-    step = round(run.run.rate / run.row_rate)
-    length = len(value) // step + 1
-    correlation = np.zeros(length)
-    for density, one, another in sources:
-        whole = np.correlate(one, another, "full")[len(value) - 1 :: step]
-        correlation[: len(whole)] += 0.5 * run.run.rate * density * whole
-    bounded = correlation.copy()
-    bounded[0] += (floor := max(FLOOR * _least_density(correlation, run.row_rate), QUIETEST**2))
-    at = np.flatnonzero(stretch.rows)
-    banded = np.zeros((length, len(at)))
-    for lag in range(min(length, len(at))):
-        apart = at[lag:] - at[: len(at) - lag]
-        banded[lag, : len(at) - lag] = np.where(apart < length, bounded[np.minimum(apart, length - 1)], 0.0)
+        quantisation.append(inertia * _where_it_turns(stretch))
+    by_row = filtered_noise(stretch, inertia, sheet.poles.map(lambda poles: spring * poles))
+    banded, correlation = banded_rows(by_row, stretch.rows), np.mean(by_row, axis=0)
+    floor = max(FLOOR * _least_density(correlation, run.row_rate), QUIETEST**2)
+    banded[0] += floor
     factor = BandedFactor.of(cholesky_banded(banded, lower=True, check_finite=False))
     knots, lines = _lines(stretch, slow_noise.wander[side])
     white = factor.solved(np.hstack([slow_spread(stretch, slow_noise), *quantisation]))
@@ -202,6 +188,15 @@ def _quantisation_spread(stretch: RotorRows, error: QuantisationError) -> Array:
     hats = np.stack([np.interp(time, error.time, each) for each in unit], 1)
     root = np.linalg.cholesky(Wander.of(1.0).covariance(error.time[acting]))
     return np.asarray((hats * error.spread[acting]) @ root)
+
+
+def _where_it_turns(stretch: RotorRows) -> Array:
+    """Directions (n, w) of what steps are off in the acceleration where the shaft turns back [rad/s2]."""
+    course, time = stretch.shaft.angle_noise.course, stretch.run.row_time[stretch.rows]
+    found = np.zeros((len(time), course.turning.shape[1]))
+    for k, wave in enumerate(course.turning.T):
+        found[:, k] = np.interp(time, course.time, wave, left=0.0, right=0.0)
+    return found
 
 
 def _lines(stretch: RotorRows, wander: Wander) -> tuple[Array, Array]:

@@ -1,0 +1,97 @@
+"""What steps of an encoder are off where they follow an order: where a speed is held, and where a shaft turns back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.signal import fftconvolve
+
+from pmg.sim.signals import REVOLUTION
+
+if TYPE_CHECKING:
+    from pmg.sim.signals import Array
+
+QUANTISED_PIECE = 1.0
+"""Time over which the mean of what steps are off is taken [s], about."""
+
+FINEST = 40
+"""Highest wave of the steps that is looked for in that mean."""
+
+QUANTISED_LEAST = 9.0
+"""Square of the mean of a wave of the steps, over that of steps without order, from which on it counts: one in 8000."""
+
+TURNING, TURNING_WAVES = 45.0, (1, 2, 3)
+"""Counts a second up to which steps come into the rows one by one, as where a shaft turns back, and waves of them."""
+
+
+@dataclass(frozen=True)
+class QuantisationError:
+    """What the steps of an encoder are off on average, which stays while a speed is held.
+
+    Parameters
+    ----------
+    time : (q,) array
+        Middles of pieces of about `QUANTISED_PIECE` of the record [s].
+    spread : (q,) array
+        Standard deviation of the mean over each [rad]; zero where the steps follow no order.
+    """
+
+    time: Array
+    spread: Array
+
+
+NO_ERROR = QuantisationError(np.zeros(0), np.zeros(0))
+"""Of an encoder whose steps are not known."""
+
+
+def quantisation_on_average(
+    smooth: Array, count: float, variance: float, rate: float, began: float
+) -> QuantisationError:
+    r"""What the steps of a smooth angle from a time on are off on average, piece by piece.
+
+    At a speed of a whole number of counts a sample, or of some samples, the steps are off by the same for as long as it
+    is held, and nothing in the record tells by how much: it depends on where the angle stands within a count.
+    `variance` is that of the jitter from sample to sample [rad2].
+
+    Notes
+    -----
+    Over all places within a count, the mean error of the steps has the variance
+    :math:`c^2 \sum_k |m_k|^2 e^{-(2\pi k s/c)^2}/(2\pi^2 k^2)` with the means :math:`m_k` of
+    :math:`e^{2\pi i k x/c}` (Widrow and Kollár 2008, chapter 4).
+    """
+    edges = np.linspace(0, len(smooth), max(round(len(smooth) / (QUANTISED_PIECE * rate)), 1) + 1).astype(np.int64)
+    samples = np.diff(edges)
+    turn = np.exp(1j * REVOLUTION * (smooth / count))
+    wave, found = np.ones_like(turn), np.zeros(len(samples))
+    for k in range(1, FINEST + 1):
+        wave = wave * turn
+        seen = np.abs(np.add.reduceat(wave, edges[:-1]) / samples) ** 2
+        kept = np.exp(-variance * (REVOLUTION * k / count) ** 2) / (2.0 * np.pi**2 * k**2)
+        found += np.where(seen > QUANTISED_LEAST / samples, kept * seen, 0.0)
+    time = np.asarray(began + 0.5 * (edges[:-1] + edges[1:]) / rate)
+    return QuantisationError(time, np.asarray(count * np.sqrt(found)))
+
+
+def slowly_counted(smooth: Array, count: float, rate: float) -> Array:
+    """1 where the steps of a smooth angle (n,) come one by one, and 0 where they come twice as fast or faster (n,)."""
+    return np.clip(2.0 - np.abs(np.gradient(smooth)) * rate / (TURNING * count), 0.0, 1.0)
+
+
+def turning_directions(smooth: Array, count: float, variance: float, slowly: Array, curved: Array) -> Array:
+    r"""What steps are off in the second derivative where they come `slowly`: directions (m, w) [rad/s2].
+
+    The error is :math:`\sum_k c/(\pi k) \sin(2\pi k (x + x_0)/c)`, a sum of two waves for each k whatever the place
+    :math:`x_0` of the angle within a count is. A shaft that swings turns back at the same place each time, and is off
+    by the same. `variance` is that of the jitter from sample to sample [rad2].
+    """
+    if not slowly.any():
+        return np.zeros((len(smooth) - len(curved) + 1, 0))
+    waves = []
+    for k in TURNING_WAVES:
+        turn = REVOLUTION * k / count
+        size = count / (np.sqrt(2.0) * np.pi * k) * np.exp(-0.5 * variance * turn**2)
+        wave = fftconvolve(size * slowly * np.exp(1j * turn * smooth), curved, "valid")
+        waves += [wave.real, wave.imag]
+    return np.stack(waves, 1)
