@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg import cholesky_banded
 
-from pmg.pipeline.motion.smooth import PER_ROW
+from pmg.pipeline.motion.banded import BandedFactor
+from pmg.pipeline.motion.smooth import PER_ROW, derivative, row_weights
 from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
 from pmg.sim.signals import REVOLUTION
 
@@ -16,13 +20,16 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft
-    from pmg.sim.signals import Array, Spectrum
+    from pmg.sim.signals import Array, Mask, Spectrum
 
     Heard = Callable[[str, Spectrum], tuple[Spectrum | float, Spectrum | float]] | None
 
-PASSING = 0.02
-"""Part of a frequency that the low-pass of the rows must let through for its noise to be known before that filter."""
+TAPS, NOTHING = 256, 1e-4
+"""Fine samples of a circle on which the weights of a row's noise are worked out, and the size of a weight, over the
+largest, up to which it is none."""
 
+SETTLED, UNKNOWN = 1e-4, 1e6
+"""White part of the rows, over their largest variance, that keeps their covariance regular, and of a missing row."""
 
 PASSES_FOR_NOISE = 3.0
 """Noise of a frequency, over its standard deviation, up to which a residual passes for noise: the rest is a cause."""
@@ -49,9 +56,9 @@ def with_instruments(
     -----
     Noise in a column makes least squares biased: what a noisy acceleration explains is its own noise. A residual e is
     a known sum of the noises n of torques and angles, :math:`e = M n`, so that
-    :math:`\hat n = S M^H (M S M^H)^{-1} e` with their spectral densities S is the part of each that it tells, and what
-    stays in the cleaned signals is uncorrelated with e. Columns made of them are instruments of those that were
-    measured. What a residual has beyond noise stays in the signals.
+    :math:`\hat n = S M^T (M S M^T)^{-1} e` with their variances S, which go with time, is the part of each that it
+    tells, and what stays in the cleaned signals is uncorrelated with e at every instant. Columns made of them are
+    instruments of those that were measured. What a residual has beyond noise stays in the signals.
 
     References
     ----------
@@ -86,47 +93,94 @@ def _without_noise(
     baseline: MotionBaseline, run: SmoothRun, places: list[int], faults: tuple[Array, ...], heard: Heard
 ) -> SmoothRun:
     """A run less the noise that the residuals of its stretches show."""
-    residual = np.zeros((len(places), len(run)))
-    for row, place in zip(residual, places, strict=True):
+    residual, known = np.zeros((len(run), len(places))), np.zeros((len(run), len(places)), dtype=np.bool_)
+    for row, place in enumerate(places):
         stretch = baseline.stretches[place]
-        row[stretch.rows] = baseline.missing(place) - stretch.of_rows(faults[place]) if faults else baseline.left(place)
-    frequency = np.fft.rfftfreq(2 * len(run), 1.0 / run.row_rate)
-    rate = np.asarray(1j * REVOLUTION * frequency, dtype=np.complex128)
-    mixing = _mixing(baseline, places, rate, heard)
-    shafts = [run.shafts[side] for side in SIDES]
-    density = np.diag([each.density for each in shafts] + [each.angle_noise.density for each in shafts])
-    density[-1, -2] = density[-2, -1] = run.common
-    weighted = density @ mixing.conj().transpose(2, 1, 0)
-    inverse = np.linalg.inv(mixing.transpose(2, 0, 1) @ weighted)
-    spectrum = np.fft.rfft(residual, 2 * len(run))
-    passed = _response(run.weights, np.asarray(frequency / run.fine_rate))
-    told = inverse @ spectrum.T[:, :, None]
-    noise = (weighted @ told)[:, :, 0].T / np.where(passed > PASSING, passed, np.inf)
-    power = np.sum(spectrum.conj() * told[:, :, 0].T, axis=0).real / (0.5 * len(run) * run.row_rate * len(places))
-    noise /= np.maximum(np.sqrt(power) / np.maximum(PASSES_FOR_NOISE * passed, PASSING), 1.0)
-
-    first, fine = len(run.weights) // 2, PER_ROW * len(run)
-
-    def less(signal: Array, values: Spectrum) -> Array:
-        changed = signal.copy()
-        part = changed[first : first + fine]
-        part -= PER_ROW * np.fft.irfft(values, 2 * fine)[: len(part)]
-        return changed
+        known[stretch.rows, row] = True
+        residual[stretch.rows, row] = (
+            baseline.missing(place) - stretch.of_rows(faults[place]) if faults else baseline.left(place)
+        )
+    shows, covariance = _taps(baseline, run, places, heard), _of_noises(run)
+    factor = _factor(run, shows, covariance, known)
+    white = factor.solved(residual.reshape(-1, 1)).reshape(residual.shape)
+    spectrum = np.fft.rfft(white, axis=0)
+    size = np.sqrt(np.mean(np.abs(spectrum) ** 2, axis=1, keepdims=True) / len(run))
+    white = np.fft.irfft(spectrum / np.maximum(size / PASSES_FOR_NOISE, 1.0), len(run), axis=0)
+    told = np.zeros((len(run.time), len(places)))
+    told[len(run.weights) // 2 :: PER_ROW][: len(run)] = factor.adjoint(white.reshape(-1, 1)).reshape(white.shape)
+    seen = [
+        np.sum([np.convolve(rows, taps, "same") for rows, taps in zip(told.T, of_noise, strict=True)], axis=0)
+        for of_noise in shows.swapaxes(0, 1)
+    ]
+    noise = [np.zeros(len(run.time)) for _ in seen]
+    for (one, another), power in covariance.items():
+        noise[one] += power * seen[another]
 
     def clean(side: str) -> SmoothShaft:
         shaft, at = run.shafts[side], SIDES.index(side)
-        torque, angle = noise[at], noise[2 + at]
+        (torque, torque_rate, torque_curvature), (angle, speed, acceleration) = (
+            (values, slope := derivative(values, run.fine_rate), derivative(slope, run.fine_rate))
+            for values in (noise[at], noise[len(SIDES) + at])
+        )
         return replace(
             shaft,
-            torque=less(shaft.torque, torque),
-            torque_rate=less(shaft.torque_rate, rate * torque),
-            torque_curvature=less(shaft.torque_curvature, rate**2 * torque),
-            angle=less(shaft.angle, angle),
-            speed=less(shaft.speed, rate * angle),
-            acceleration=less(shaft.acceleration, rate**2 * angle),
+            torque=shaft.torque - torque,
+            torque_rate=shaft.torque_rate - torque_rate,
+            torque_curvature=shaft.torque_curvature - torque_curvature,
+            angle=shaft.angle - angle,
+            speed=shaft.speed - speed,
+            acceleration=shaft.acceleration - acceleration,
         )
 
     return replace(run, shafts=per_shaft(clean))
+
+
+def _taps(baseline: MotionBaseline, run: SmoothRun, places: list[int], heard: Heard) -> Array:
+    """Weights (r, 4, w) of the fine samples of each noise (torques, then angles) about a row, in each residual."""
+    frequency = np.fft.rfftfreq(TAPS, 1.0 / run.fine_rate)
+    mixing = _mixing(baseline, places, np.asarray(1j * REVOLUTION * frequency, dtype=np.complex128), heard)
+    circle = np.fft.irfft(mixing * _response(run.weights, np.asarray(frequency / run.fine_rate)), TAPS)
+    size = np.abs(circle) / np.maximum(np.max(np.abs(circle), axis=2, keepdims=True), np.finfo(float).tiny)
+    act = np.flatnonzero(np.any(size > NOTHING, axis=(0, 1)))
+    reach = int(np.max(np.minimum(act, TAPS - act)))
+    return np.asarray(circle[:, :, -np.arange(-reach, reach + 1)])
+
+
+def _of_noises(run: SmoothRun) -> dict[tuple[int, int], Array]:
+    """Variance of a fine sample of each noise (torques, then angles), and what two have in common, in time (n,)."""
+    shafts, (_, curvature) = [run.shafts[side] for side in SIDES], row_weights(run)
+    found, size = {}, []
+    for k, shaft in enumerate(shafts):
+        noise, course = shaft.angle_noise, shaft.angle_noise.course
+        size.append(np.interp(run.time, course.time, course.curvature))
+        turning = np.interp(run.time, course.time, np.sum(course.turning**2, axis=1))
+        as_white = turning / (0.5 * run.run.rate * float(curvature @ curvature))
+        found[k, k] = np.full(len(run.time), shaft.density)
+        found[2 + k, 2 + k] = noise.density * size[k] ** 2 + as_white
+    found[2, 3] = found[3, 2] = run.common * size[0] * size[1]
+    return {pair: 0.5 * run.fine_rate * density for pair, density in found.items()}
+
+
+def _factor(run: SmoothRun, shows: Array, covariance: dict[tuple[int, int], Array], known: Mask) -> BandedFactor:
+    """Factor of the covariance of the residuals (m, r), row by row; those that are not known weigh nothing."""
+    count, width = len(shows), shows.shape[2]
+    lags = (width - 1) // PER_ROW + 1
+    later = np.stack([np.pad(shows, ((0, 0), (0, 0), (PER_ROW * lag, 0)))[:, :, :width] for lag in range(lags)])
+    by_row = np.zeros((len(run), count * count * lags))
+    for (one, another), power in covariance.items():
+        if shows[:, one].any() and shows[:, another].any():
+            around = sliding_window_view(np.pad(power, width // 2, mode="edge"), width)
+            around = around[len(run.weights) // 2 :: PER_ROW][: len(run)]
+            by_row += around @ np.einsum("rw,lsw->wrsl", shows[:, one], later[:, :, another]).reshape(width, -1)
+    of_lag = by_row.reshape(len(run), count, count, lags)
+    banded = np.zeros(((lags + 1) * count, len(run) * count))
+    for first, second in itertools.product(range(count), repeat=2):
+        for lag in range(0 if second >= first else 1, min(lags, len(run))):
+            place = slice(first, first + (len(run) - lag) * count, count)
+            banded[lag * count + second - first, place] = of_lag[: len(run) - lag, first, second, lag]
+    largest = banded[0].max()
+    banded[0] += np.where(known.ravel(), SETTLED * largest, UNKNOWN * largest)
+    return BandedFactor.of(cholesky_banded(banded, lower=True, check_finite=False))
 
 
 def _response(weights: Array, frequency: Array) -> Array:

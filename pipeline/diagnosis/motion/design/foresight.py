@@ -56,7 +56,7 @@ class Foresight:
         places = range(first, len(whole.stretches))
         noise = [row_noise(whole, place, self.slow_noise) for place in places]
         rows = [self._unit * each.white(whole.columns(place)) for each, place in zip(noise, places, strict=True)]
-        return views_of(whole)[first:], noise, np.vstack(rows)
+        return views_of(whole)[first:], noise, np.vstack([np.zeros((0, len(whole.sheet))), *rows])
 
     @property
     def _unit(self) -> float:
@@ -71,7 +71,7 @@ class Foresight:
     def rows_of(self, term: MotionTerm, shape: float) -> Array:
         """New rows (n, a) of a term."""
         views, noise, _ = self._made
-        rows = []
+        rows = [np.zeros((0, len(term.amplitudes)))]
         for view, each in zip(views, noise, strict=True):
             rows.append(self._unit * each.white(term.rows_on(view, shape)))
         return np.vstack(rows)

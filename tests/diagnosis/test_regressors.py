@@ -1,0 +1,100 @@
+"""Signals freed from the noise that a balance shows: what is left in them says nothing of the residual, at any time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import timedelta
+
+import numpy as np
+import pytest
+from tests.trials.test_motion_nature import BEGUN, short_runs
+
+from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, start_baseline
+from pmg.pipeline.diagnosis.motion.constants import sheet_of
+from pmg.pipeline.diagnosis.motion.regressors import with_instruments
+from pmg.pipeline.diagnosis.motion.rows import stretches_of
+from pmg.pipeline.motion.angle_noise import EVEN, AngleNoise, NoiseCourse
+from pmg.pipeline.motion.quantisation import NO_ERROR
+from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft, derivative, smooth
+from pmg.pipeline.trials.motion.bench import draw_bench
+from pmg.pipeline.trials.motion.nature import MotionCase, measure_motion_case
+from pmg.pipeline.trials.motion.programme import MotionCampaign
+from pmg.pipeline.trials.motion.size import Scene
+from pmg.pipeline.trials.motion.strata import motion_strata
+from pmg.sim.bench import load_bench
+from pmg.sim.shafts import PerShaft, per_shaft
+from pmg.sim.signals import Array
+
+OF_TORQUE, OF_ANGLE, DRAWS = 4e-7, 6e-10, 60
+"""Densities of made noise [(N m)2/Hz, rad2/Hz], and how often it is drawn."""
+
+
+@pytest.fixture(scope="module")
+def baseline() -> MotionBaseline:
+    """Of a short synthetic campaign, both shafts in neutral and engaged."""
+    runs = tuple(replace(run, started_at=run.started_at + timedelta(minutes=k)) for k, run in enumerate(short_runs()))
+    scene = Scene(draw_bench(np.random.default_rng(1)), MotionCampaign("short", runs), (BEGUN,) * len(runs))
+    case = MotionCase("short", motion_strata()[0], scene, (), "")
+    measured = tuple(measure_motion_case(case, np.random.default_rng(2)))
+    sheet = sheet_of(load_bench(), 1, tuple(run.name for run in measured if run.coupled))
+    return start_baseline(sheet, stretches_of(tuple(map(smooth, measured))))
+
+
+def _swell(run: SmoothRun) -> Array:
+    """Size of the noise of an angle: large in every other second, and small in between (n,)."""
+    return np.where(np.mod(run.time, 2.0) < 1.0, 1.35, 0.42)
+
+
+def _noisy(baseline: MotionBaseline, place: int, rng: np.random.Generator, *, told: bool) -> MotionBaseline:
+    """A baseline of one stretch whose residual is made noise alone; whether the course of its size is known."""
+    stretch = baseline.stretches[place]
+    run, size, readings = stretch.run, _swell(stretch.run), {}
+    course = NoiseCourse(run.time, size, size, np.zeros((len(run.time), 0))) if told else EVEN
+
+    def shaft(side: str) -> SmoothShaft:
+        own, white = run.shafts[side], rng.standard_normal((2, len(run.time)))
+        torque, angle = np.sqrt(0.5 * run.fine_rate * np.array([[OF_TORQUE], [OF_ANGLE]])) * white
+        readings[side], angle = torque, size * angle
+        speed = derivative(angle, run.fine_rate)
+        slope = derivative(torque, run.fine_rate)
+        return replace(
+            own,
+            torque=own.torque + torque,
+            torque_rate=own.torque_rate + slope,
+            torque_curvature=own.torque_curvature + derivative(slope, run.fine_rate),
+            angle=own.angle + angle,
+            speed=own.speed + speed,
+            acceleration=own.acceleration + derivative(speed, run.fine_rate),
+            density=OF_TORQUE,
+            angle_noise=AngleNoise(OF_ANGLE, OF_ANGLE, NO_ERROR, course),
+        )
+
+    shafts, measured = per_shaft(shaft), dict(run.measured.items())
+    reading = np.full(len(run), np.nan)
+    reading[stretch.rows] = baseline.predicted(place) + stretch.of_rows(readings[stretch.side])
+    measured[stretch.side] = reading
+    noisy = replace(run, shafts=shafts, measured=PerShaft(**measured), common=0.0)
+    return MotionBaseline(baseline.sheet, baseline.values, (replace(stretch, run=noisy),))
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_what_is_left_in_an_acceleration_follows_no_residual_while_its_noise_changes(
+    baseline: MotionBaseline, *, coupled: bool
+) -> None:
+    """In the loud seconds and in the quiet ones; with one size for the whole run both are wrong."""
+    rng = np.random.default_rng(7)
+    place = next(k for k, each in enumerate(baseline.stretches) if each.coupled == coupled and not each.at_rest)
+    stretch = baseline.stretches[place]
+    true = stretch.of_rows(stretch.shaft.acceleration)
+    loud = stretch.of_rows(_swell(stretch.run))
+    follows = {}
+    for told in (True, False):
+        products = []
+        for _ in range(DRAWS):
+            noisy = _noisy(baseline, place, rng, told=told)
+            (cleaned,) = with_instruments(noisy).instruments
+            off, residual = cleaned.of_rows(cleaned.shaft.acceleration) - true, noisy.left(0)
+            products.append([np.corrcoef(off[which], residual[which])[0, 1] for which in (loud > 1.3, loud < 0.5)])
+        follows[told] = np.mean(products, axis=0)
+    assert np.all(np.abs(follows[True]) < 0.1)
+    assert np.max(np.abs(follows[False])) > 0.15
