@@ -60,8 +60,12 @@ SKEW = 5e-4
 """Standard uncertainty of the time between a torque and an angle of the same sample [s]: half a sample at 1 kHz."""
 
 GIVE_FORM, GIVE_NOISE = 1e-4, 5e-7
-"""Standard deviation by which a coupling may give more or less than its stiffness says [rad/(N m)]: hubs and damping;
-and what the noise of a torque in its own second derivative adds, times the inertia behind it [kg m2 rad/(N m)]."""
+"""Standard deviation by which a coupling may give more or less than its stiffness says [rad/(N m)]: hubs; and
+what the noise of a torque in its own second derivative adds, times the inertia behind it [kg m2 rad/(N m)]."""
+
+LOSS = 2.5e-7
+"""Standard deviation of what a coupling's damping over the square of its stiffness is [rad s/(N m)]: no data sheet
+tells it, and one of 4000 N m/rad that settles within a millisecond has so much."""
 
 ENGAGED_DRY = 2e-3
 """Standard deviation of the dry friction of a rotor that engaging brings [N m]: nothing touches in a magnetic gear."""
@@ -193,6 +197,11 @@ def eccentricity_names(side: str) -> tuple[str, str]:
     return f"eccentricity_{side}_cosine", f"eccentricity_{side}_sine"
 
 
+def loss_name(side: str) -> str:
+    """Name of what a coupling gives less per rate of its torque, as it is damped."""
+    return f"coupling_loss_{side}"
+
+
 def start_name(file: str) -> str:
     """Name of the pole angle at the start of a run."""
     return f"pole_angle_{file}"
@@ -217,6 +226,7 @@ def sheet_of(bench: BenchParameters, gear: int, engaged: tuple[str, ...]) -> Dat
             yield SheetConstant(f"inertia_{side}", "kg m2", inertia, 0.05 * inertia)
             give = float(np.linalg.norm([0.2 * compliance, GIVE_FORM, GIVE_NOISE / inertia]))
             yield SheetConstant(f"compliance_{side}", "rad/(N m)", compliance, give)
+            yield SheetConstant(loss_name(side), "rad s/(N m)", 0.0, LOSS)
             yield SheetConstant(f"zero_{side}", "N m", 0.0, 2e-3)
             yield SheetConstant(f"skew_{side}", "s", 0.0, SKEW)
         yield SheetConstant("pull_out", "N m", peak, 0.03 * peak)

@@ -50,7 +50,7 @@ stiffness, which at 20 Hz is 0.15 squared for 3 N m s/rad on 2500 N m/rad."""
 HELD = 1e-3
 """Factor on the standard uncertainty of what is held."""
 
-BENDING = ("inertia", "compliance", "pull_out", "skew")
+BENDING = ("inertia", "compliance", "coupling_loss", "pull_out", "skew")
 """Constants by which rows are no straight lines, as their names begin."""
 
 

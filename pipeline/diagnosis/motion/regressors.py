@@ -10,6 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import cholesky_banded
 
+from pmg.pipeline.diagnosis.motion.constants import loss_name
 from pmg.pipeline.motion.banded import BandedFactor
 from pmg.pipeline.motion.smooth import PER_ROW, derivative, row_weights
 from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
@@ -197,7 +198,9 @@ def _mixing(baseline: MotionBaseline, places: list[int], rate: Spectrum, heard: 
     """
     sheet, values = baseline.sheet, baseline.values
     peak = float(values[sheet.at("pull_out")])
-    give = per_shaft(lambda side: float(values[sheet.at(f"compliance_{side}")]))
+    give = per_shaft(
+        lambda side: float(values[sheet.at(f"compliance_{side}")]) - float(values[sheet.at(loss_name(side))]) * rate
+    )
     mixing = np.zeros((len(places), 2 * len(SIDES), len(rate)), dtype=np.complex128)
     for row, place in enumerate(places):
         state = baseline.states[place]

@@ -15,12 +15,14 @@ from pmg.pipeline.diagnosis.motion.constants import (
     SLIP_PASSAGE,
     SPEED_UNIT,
     eccentricity_names,
+    loss_name,
     map_name,
     ripple_names,
     start_name,
 )
 from pmg.pipeline.diagnosis.motion.gear_torque import gear_columns
 from pmg.pipeline.diagnosis.motion.loss_curve import REST, drag_columns, engaged_drag_columns
+from pmg.pipeline.motion.smooth import derivative
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
 
@@ -202,24 +204,36 @@ def rotor_state(stretch: RotorRows, sheet: DataSheet, values: Array) -> RotorSta
 
     Notes
     -----
-    A coupling of stiffness k twists by T/k: the rotor lags the motor by it. The poles stand at
+    A coupling of stiffness k and damping d twists by :math:`T/k - (d/k^2)\\dot T`, slow beside k/d: the rotor lags the
+    motor by it. The poles stand at
     :math:`\\varphi = p_s \\theta_s + p_r \\theta_r + \\varphi_0` against each other.
     """
     shafts, rate = stretch.run.shafts, stretch.run.fine_rate
-    compliance = per_shaft(lambda side: float(values[sheet.at(f"compliance_{side}")]))
-    acting = per_shaft(lambda side: shafts[side].acting(rate))
-    own, give = stretch.shaft, compliance[stretch.side]
+    twist = per_shaft(lambda side: _twist(shafts[side].acting(rate), side, sheet, values, rate))
     nothing = np.zeros(len(stretch.run.time))
     pole_angle, slip = nothing, nothing
     if stretch.coupled:
         start = float(values[sheet.at(start_name(stretch.run.run.name))])
         turned = per_shaft(lambda s: _true(shafts[s], s, sheet, values))
-        pole_angle = start + _of_poles(sheet.poles, per_shaft(lambda s: turned[s][0] - compliance[s] * acting[s][0]))
-        slip = _of_poles(sheet.poles, per_shaft(lambda s: turned[s][1] - compliance[s] * acting[s][1]))
-    _, speed, acceleration = _true(own, stretch.side, sheet, values)
-    _, torque_rate, curvature = acting[stretch.side]
-    rotor_speed, rotor_acceleration = speed - give * torque_rate, acceleration - give * curvature
+        pole_angle = start + _of_poles(sheet.poles, per_shaft(lambda s: turned[s][0] - twist[s][0]))
+        slip = _of_poles(sheet.poles, per_shaft(lambda s: turned[s][1] - twist[s][1]))
+    _, speed, acceleration = _true(stretch.shaft, stretch.side, sheet, values)
+    _, twisting, curvature = twist[stretch.side]
+    rotor_speed, rotor_acceleration = speed - twisting, acceleration - curvature
     return RotorState(stretch, sheet, values, rotor_speed, rotor_acceleration, pole_angle, slip)
+
+
+def _twist(
+    acting: tuple[Array, Array, Array], side: str, sheet: DataSheet, values: Array, rate: float
+) -> tuple[Array, Array, Array]:
+    """Twist of a coupling [rad] by the torque in it and its derivatives (n,), and its derivatives in time."""
+    torque, slope, curvature = acting
+    give, loss = (float(values[sheet.at(name)]) for name in (f"compliance_{side}", loss_name(side)))
+    return (
+        np.asarray(give * torque - loss * slope),
+        np.asarray(give * slope - loss * curvature),
+        np.asarray(give * curvature - loss * derivative(curvature, rate)),
+    )
 
 
 def _true(shaft: SmoothShaft, side: str, sheet: DataSheet, values: Array) -> tuple[Array, Array, Array]:

@@ -52,12 +52,7 @@ def _yielding(side: str, angle_of: Callable[[Array, float, float], Array]) -> Ca
 
 
 def _damped(torque: Array, settles: float, rate: float) -> Array:
-    r"""A torque by a first-order lag, :math:`1/(1 + s\tau)` with the bilinear rule; by :math:`-s` for no time at all.
-
-    That is its change per time where it is short, as of the damping that any coupling has.
-    """
-    if not settles:
-        return -derivative(torque, rate)
+    r"""A torque by a first-order lag, :math:`1/(1 + s\tau)` with the bilinear rule."""
     twice = 2.0 * rate * settles
     first = 1.0 / (1.0 + twice)
     slower = (1.0 - twice) * first
@@ -132,7 +127,6 @@ def coupling_terms(side: str) -> Iterator[MotionTerm]:
         spreads=True,
         component=coupling,
         shaft=side,
-        granted=0.0,
     )
 
 

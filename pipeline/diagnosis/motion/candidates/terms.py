@@ -61,8 +61,7 @@ class MotionTerm(Term[RotorView]):
     shown_held : bool
         Whether the reading of a shaft shows it that is held while the other one turns.
     granted : float, optional
-        Value of its shape at which every machine may have some of it: what it does there is free, and no finding. It
-        may lie beyond the bounds of the shape, where the law has a limit.
+        Value of its shape at which every machine may have some of it: what it does there is free, and no finding.
     """
 
     component: Component = field(kw_only=True)
