@@ -79,7 +79,8 @@ class AngleNoise:
     Parameters
     ----------
     density : float
-        Spectral density as the second derivative shows it [rad2/Hz], one-sided, over the whole run.
+        Spectral density as the second derivative shows it [rad2/Hz], one-sided, over all that moves; without
+        steps that come one by one.
     value_density : float
         The same as the angle itself shows it: lines low in the band count in full.
     quantisation : QuantisationError

@@ -380,7 +380,6 @@ def test_rows_weighted_before_they_are_whitened_give_the_same_products(n: int, c
         BandedFactor.of(cholesky_banded(band, lower=True)),
         wander,
         shrunk,
-        band[:, 0],
         0.0,
         "sun",
         SlowNoise(),

@@ -280,7 +280,7 @@ def test_the_wander_and_the_ripple_of_a_campaign_are_found(time: float, rest: in
     assert 0.6 * size < found.wander.sun.size < 1.6 * size
     planted = Wander(size**2 * np.array([[1.0]]), np.ones(1), (time,))
     means = [float(np.sqrt(wander.covariance(twenty).mean())) for wander in (found.wander.sun, planted)]
-    assert 0.5 * means[1] < means[0] < 1.8 * means[1]
+    assert 0.5 * means[1] < means[0] < 1.8 * means[1]  # 0.8 to 1.7 in eight draws of the case with a rest
     assert 0.5 * ripple < np.sqrt(2.0) * found.ripple[0] < 1.5 * ripple
     assert found.ripple[1] < 0.2 * ripple
 

@@ -204,6 +204,21 @@ def test_the_band_of_a_smoothed_torque_is_that_of_its_noise_at_any_instant() -> 
         np.testing.assert_allclose(found, np.linalg.norm(expected, axis=1))
 
 
+@pytest.mark.parametrize("rows", [1, 2, 3, 5, 20])
+def test_a_stretch_of_fewer_rows_than_its_noise_goes_on_has_a_band_too(rows: int, rng: np.random.Generator) -> None:
+    band, nothing = np.zeros((26, rows)), np.zeros(rows)
+    band[0], band[1, : rows - 1] = 2.0, 1.0
+    nobody: Any = None
+    alone = np.r_[2.0, np.full(rows - 1, np.sqrt(5.0))]
+    np.testing.assert_allclose(_spread(nobody, band, np.zeros((rows, 0)), 1), alone)
+    of_few = cast(
+        "RotorRows", SimpleNamespace(run=_Run(rows_in=rows, row_rate=RATE), rows=np.ones(rows, dtype=np.bool_))
+    )
+    assert np.all(_spread(of_few, band, np.zeros((rows, 0)), 21) <= 3.0)
+    trace = TorqueTrace(nobody, nobody, nobody, *(nothing,) * 5, band, np.zeros((rows, 0)))
+    assert np.std(trace.draw_noise(rng, 4000), axis=1) == pytest.approx(alone, rel=0.1)
+
+
 def test_the_noise_of_a_simulation_is_what_its_torque_makes_of_it() -> None:
     """A torque that is off by one amount for a whole run speeds a free rotor up by that over its inertia."""
     rows, size = int(1.0 * RATE), 1e-3

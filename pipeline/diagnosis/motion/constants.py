@@ -64,8 +64,10 @@ GIVE_FORM, GIVE_NOISE = 1e-4, 5e-7
 what the noise of a torque in its own second derivative adds, times the inertia behind it [kg m2 rad/(N m)]."""
 
 LOSS = 2.5e-7
-"""Standard deviation of what a coupling's damping over the square of its stiffness is [rad s/(N m)]: no data sheet
-tells it, and one of 4000 N m/rad that settles within a millisecond has so much."""
+"""Standard deviation of a coupling's damping over the square of its stiffness [rad s/(N m)]: one of 4000 N m/rad that
+settles within a millisecond has so much. The 42 N m s/rad of table 6.5 of the thesis would be ten times as much and
+settle in ten, which would pass for a late torque: it is not taken for known, and a coupling so damped is no constant
+but the mechanism of a softer one that is damped."""
 
 ENGAGED_DRY = 2e-3
 """Standard deviation of the dry friction of a rotor that engaging brings [N m]: nothing touches in a magnetic gear."""
@@ -197,8 +199,8 @@ def eccentricity_names(side: str) -> tuple[str, str]:
     return f"eccentricity_{side}_cosine", f"eccentricity_{side}_sine"
 
 
-def loss_name(side: str) -> str:
-    """Name of what a coupling gives less per rate of its torque, as it is damped."""
+def coupling_loss_name(side: str) -> str:
+    """Name of what a coupling gives less per rate of its torque, d/k2 for a damping d and a stiffness k."""
     return f"coupling_loss_{side}"
 
 
@@ -213,8 +215,8 @@ def sheet_of(bench: BenchParameters, gear: int, engaged: tuple[str, ...]) -> Dat
     Notes
     -----
     Standard uncertainties: 5 % of a rotor's inertia, 20 % of a coupling's stiffness and what `GIVE_FORM` says of it,
-    3 % of the pull-out torque; 2 mN m of the zero of a transducer and of dry friction that engaging brings. Loss curves
-    and the damping of the pole angle are the campaign's own.
+    `LOSS` of its damping, 3 % of the pull-out torque; 2 mN m of the zero of a transducer and of dry friction that
+    engaging brings. Loss curves and the damping of the pole angle are the campaign's own.
     """
     stage = bench.gear(gear)
     peak = float(stage.pull_out_torque_sun) / stage.pole_pairs.sun
@@ -226,7 +228,7 @@ def sheet_of(bench: BenchParameters, gear: int, engaged: tuple[str, ...]) -> Dat
             yield SheetConstant(f"inertia_{side}", "kg m2", inertia, 0.05 * inertia)
             give = float(np.linalg.norm([0.2 * compliance, GIVE_FORM, GIVE_NOISE / inertia]))
             yield SheetConstant(f"compliance_{side}", "rad/(N m)", compliance, give)
-            yield SheetConstant(loss_name(side), "rad s/(N m)", 0.0, LOSS)
+            yield SheetConstant(coupling_loss_name(side), "rad s/(N m)", 0.0, LOSS)
             yield SheetConstant(f"zero_{side}", "N m", 0.0, 2e-3)
             yield SheetConstant(f"skew_{side}", "s", 0.0, SKEW)
         yield SheetConstant("pull_out", "N m", peak, 0.03 * peak)

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import cholesky_banded
+from scipy.signal import fftconvolve
 
-from pmg.pipeline.diagnosis.motion.constants import loss_name
+from pmg.pipeline.diagnosis.motion.constants import coupling_loss_name
 from pmg.pipeline.motion.banded import BandedFactor
-from pmg.pipeline.motion.smooth import PER_ROW, derivative, row_weights
+from pmg.pipeline.motion.smooth import MOST_COMMON, PER_ROW, derivative, row_weights
 from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
 from pmg.sim.signals import REVOLUTION
 
@@ -25,11 +26,11 @@ if TYPE_CHECKING:
 
     Heard = Callable[[str, Spectrum], tuple[Spectrum | float, Spectrum | float]] | None
 
-TAPS, NOTHING = 256, 1e-4
-"""Fine samples of a circle on which the weights of a row's noise are worked out, and the size of a weight, over the
-largest, up to which it is none."""
+TAPS, NOTHING = 512, 1e-4
+"""Fine samples of a circle on which the weights of a row's noise are worked out, 2 s for a lag of up to 0.1 s; and the
+size of a weight, over the largest, up to which it is none."""
 
-SETTLED, UNKNOWN = 1e-4, 1e6
+REGULAR, UNKNOWN = 1e-4, 1e6
 """White part of the rows, over their largest variance, that keeps their covariance regular, and of a missing row."""
 
 PASSES_FOR_NOISE = 3.0
@@ -110,7 +111,7 @@ def _without_noise(
     told = np.zeros((len(run.time), len(places)))
     told[len(run.weights) // 2 :: PER_ROW][: len(run)] = factor.adjoint(white.reshape(-1, 1)).reshape(white.shape)
     seen = [
-        np.sum([np.convolve(rows, taps, "same") for rows, taps in zip(told.T, of_noise, strict=True)], axis=0)
+        np.sum([fftconvolve(rows, taps, "same") for rows, taps in zip(told.T, of_noise, strict=True)], axis=0)
         for of_noise in shows.swapaxes(0, 1)
     ]
     noise = [np.zeros(len(run.time)) for _ in seen]
@@ -143,23 +144,24 @@ def _taps(baseline: MotionBaseline, run: SmoothRun, places: list[int], heard: He
     circle = np.fft.irfft(mixing * _response(run.weights, np.asarray(frequency / run.fine_rate)), TAPS)
     size = np.abs(circle) / np.maximum(np.max(np.abs(circle), axis=2, keepdims=True), np.finfo(float).tiny)
     act = np.flatnonzero(np.any(size > NOTHING, axis=(0, 1)))
-    reach = int(np.max(np.minimum(act, TAPS - act)))
+    reach = min(int(np.max(np.minimum(act, TAPS - act), initial=0)), TAPS // 2 - 1)
     return np.asarray(circle[:, :, -np.arange(-reach, reach + 1)])
 
 
 def _of_noises(run: SmoothRun) -> dict[tuple[int, int], Array]:
     """Variance of a fine sample of each noise (torques, then angles), and what two have in common, in time (n,)."""
-    shafts, (_, curvature) = [run.shafts[side] for side in SIDES], row_weights(run)
-    found, size = {}, []
-    for k, shaft in enumerate(shafts):
+    unit, (_, curvature) = 0.5 * run.fine_rate, row_weights(run)
+    found = {}
+    for k, shaft in enumerate(run.shafts[side] for side in SIDES):
         noise, course = shaft.angle_noise, shaft.angle_noise.course
-        size.append(np.interp(run.time, course.time, course.curvature))
-        turning = np.interp(run.time, course.time, np.sum(course.turning**2, axis=1))
+        size = np.interp(run.time, course.time, course.curvature)
+        turning = np.interp(run.time, course.time, np.sum(course.turning**2, axis=1), left=0.0, right=0.0)
         as_white = turning / (0.5 * run.run.rate * float(curvature @ curvature))
-        found[k, k] = np.full(len(run.time), shaft.density)
-        found[2 + k, 2 + k] = noise.density * size[k] ** 2 + as_white
-    found[2, 3] = found[3, 2] = run.common * size[0] * size[1]
-    return {pair: 0.5 * run.fine_rate * density for pair, density in found.items()}
+        found[k, k] = np.full(len(run.time), unit * shaft.density)
+        found[2 + k, 2 + k] = unit * (noise.density * size**2 + as_white)
+    most = MOST_COMMON * np.sqrt(found[2, 2] * found[3, 3])
+    found[2, 3] = found[3, 2] = np.clip(unit * run.common, -most, most)
+    return found
 
 
 def _factor(run: SmoothRun, shows: Array, covariance: dict[tuple[int, int], Array], known: Mask) -> BandedFactor:
@@ -174,13 +176,13 @@ def _factor(run: SmoothRun, shows: Array, covariance: dict[tuple[int, int], Arra
             around = around[len(run.weights) // 2 :: PER_ROW][: len(run)]
             by_row += around @ np.einsum("rw,lsw->wrsl", shows[:, one], later[:, :, another]).reshape(width, -1)
     of_lag = by_row.reshape(len(run), count, count, lags)
-    banded = np.zeros(((lags + 1) * count, len(run) * count))
+    banded = np.zeros((lags * count, len(run) * count))
     for first, second in itertools.product(range(count), repeat=2):
         for lag in range(0 if second >= first else 1, min(lags, len(run))):
             place = slice(first, first + (len(run) - lag) * count, count)
             banded[lag * count + second - first, place] = of_lag[: len(run) - lag, first, second, lag]
-    largest = banded[0].max()
-    banded[0] += np.where(known.ravel(), SETTLED * largest, UNKNOWN * largest)
+    largest = float(banded[0].max()) or 1.0
+    banded[0] += np.where(known.ravel(), REGULAR * largest, UNKNOWN * largest)
     return BandedFactor.of(cholesky_banded(banded, lower=True, check_finite=False))
 
 
@@ -199,7 +201,9 @@ def _mixing(baseline: MotionBaseline, places: list[int], rate: Spectrum, heard: 
     sheet, values = baseline.sheet, baseline.values
     peak = float(values[sheet.at("pull_out")])
     give = per_shaft(
-        lambda side: float(values[sheet.at(f"compliance_{side}")]) - float(values[sheet.at(loss_name(side))]) * rate
+        lambda side: (
+            float(values[sheet.at(f"compliance_{side}")]) - float(values[sheet.at(coupling_loss_name(side))]) * rate
+        )
     )
     mixing = np.zeros((len(places), 2 * len(SIDES), len(rate)), dtype=np.complex128)
     for row, place in enumerate(places):

@@ -14,8 +14,8 @@ from pmg.pipeline.diagnosis.motion.constants import (
     RIPPLE,
     SLIP_PASSAGE,
     SPEED_UNIT,
+    coupling_loss_name,
     eccentricity_names,
-    loss_name,
     map_name,
     ripple_names,
     start_name,
@@ -228,7 +228,7 @@ def _twist(
 ) -> tuple[Array, Array, Array]:
     """Twist of a coupling [rad] by the torque in it and its derivatives (n,), and its derivatives in time."""
     torque, slope, curvature = acting
-    give, loss = (float(values[sheet.at(name)]) for name in (f"compliance_{side}", loss_name(side)))
+    give, loss = (float(values[sheet.at(name)]) for name in (f"compliance_{side}", coupling_loss_name(side)))
     return (
         np.asarray(give * torque - loss * slope),
         np.asarray(give * slope - loss * curvature),

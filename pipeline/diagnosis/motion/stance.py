@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.constants import eccentricity_names, loss_name, start_name
+from pmg.pipeline.diagnosis.motion.constants import coupling_loss_name, eccentricity_names, start_name
 from pmg.pipeline.motion.smooth import derivative
 from pmg.sim.shafts import SIDES
 
@@ -43,7 +43,7 @@ def stance_columns(state: RotorState) -> dict[str, Array]:
         angle, rate, curvature = shafts[side].acting(stretch.run.fine_rate)
         found[f"compliance_{side}"] = torque_of_angle(state, side, (-angle, -rate, -curvature))
         bend = derivative(curvature, stretch.run.fine_rate)
-        found[loss_name(side)] = torque_of_angle(state, side, (rate, curvature, bend))
+        found[coupling_loss_name(side)] = torque_of_angle(state, side, (rate, curvature, bend))
     if stretch.coupled:
         found[start_name(stretch.run.run.name)], _ = state.spring
     return found

@@ -42,7 +42,7 @@ class TorqueTrace:
     row_spread : (n,) array
         The same of each row by itself.
     band : (b, n) array
-        Diagonals of the factor of the covariance of the noise that the filters leave [N m].
+        Diagonals of the factor of the covariance of the noise that the filters leave, with a small white part [N m].
     slow : (n, k) array
         Directions of wander, ripple and quantisation, each as long as its standard deviation [N m].
     """
@@ -71,7 +71,7 @@ class TorqueTrace:
         """Realisations of its noise [N m] (n, draws)."""
         found = self.slow @ rng.standard_normal((self.slow.shape[1], draws))
         white = rng.standard_normal((self.band.shape[1], draws))
-        for lag, diagonal in enumerate(self.band):
+        for lag, diagonal in enumerate(self.band[: len(found)]):
             found[lag:] += (diagonal[:, None] * white)[: len(found) - lag]
         return np.asarray(found)
 
@@ -154,7 +154,7 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
 
 
 def _spread(stretch: RotorRows, band: Array, slow: Array, width: int) -> Array:
-    """Standard deviation of the torque of a stretch as the mean over `width` rows (n,).
+    """Standard deviation of the torque of a stretch as the mean over `width` rows that follow each other (n,).
 
     `band` holds the diagonals of the factor of what the filters leave, `slow` those of wander, ripple and quantisation.
     """
@@ -162,7 +162,9 @@ def _spread(stretch: RotorRows, band: Array, slow: Array, width: int) -> Array:
     upto = np.pad(np.cumsum(band, axis=0), ((1, 0), (0, 0)))  # what a mean takes of each column of the factor
     variance, taken = np.zeros(n), np.arange(n)
     among = np.minimum(taken, half) + np.minimum(n - 1 - taken, half) + 1
-    for ahead in range(-half - len(band) + 1, half + 1):  # of the column, from the row in the middle of the mean
+    for ahead in range(
+        max(-half - len(band), -n) + 1, min(half + 1, n)
+    ):  # of the column, from the row in the middle of the mean
         last, first = np.clip(np.array([half - ahead + 1, -half - ahead]), 0, len(band))
         rows = slice(max(-ahead, 0), n - max(ahead, 0))
         columns = slice(max(ahead, 0), n - max(-ahead, 0))

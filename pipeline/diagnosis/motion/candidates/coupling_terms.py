@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 
 from pmg.pipeline.diagnosis.balance.library.term import Quantity
 from pmg.pipeline.diagnosis.motion.candidates.terms import amount, stack, term
+from pmg.pipeline.diagnosis.motion.constants import coupling_loss_name
 from pmg.pipeline.diagnosis.motion.stance import torque_of_angle
 from pmg.pipeline.motion.smooth import derivative
 from pmg.sim import sources
@@ -122,7 +123,7 @@ def coupling_terms(side: str) -> Iterator[MotionTerm]:
         _yielding(side, _damped),
         source=sources.BALANCE,
         shape=Quantity("settles", "s", (1e-3, 0.03)),
-        mimicked_by=(f"compliance_{side}",),
+        mimicked_by=(f"compliance_{side}", coupling_loss_name(side)),
         variant="damped",
         spreads=True,
         component=coupling,

@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
-from pmg.pipeline.diagnosis.motion.constants import FREE, SheetConstant, start_name
+from pmg.pipeline.diagnosis.motion.constants import FREE, SheetConstant, coupling_loss_name, start_name
 from pmg.pipeline.diagnosis.motion.rows import RotorRows, linear_columns, rotor_state, stretches_of
 from pmg.pipeline.motion.angle_noise import AngleNoise
 from pmg.pipeline.motion.quantisation import NO_ERROR
@@ -259,7 +259,8 @@ def _stretches(
 
     def shaft(side: str, torque: Array) -> SmoothShaft:
         rate = derivative(torque, fine_rate)
-        shown = angles[side] + float(values[sheet.at(f"compliance_{side}")]) * torque
+        give, loss = (float(values[sheet.at(name)]) for name in (f"compliance_{side}", coupling_loss_name(side)))
+        shown = angles[side] + give * torque - loss * rate
         speed = derivative(shown, fine_rate)
         return SmoothShaft(
             torque=torque,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from pmg.pipeline.motion.smooth import PER_ROW, row_weights
+from pmg.pipeline.motion.smooth import MOST_COMMON, PER_ROW, row_weights
 from pmg.sim.shafts import other_side
 
 if TYPE_CHECKING:
@@ -20,8 +20,12 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array, Mask
 
 
-class _ShownOf(NamedTuple):
-    """What rows show of a white sequence: its size at the n fine samples (n,), the weights (w,) of samples in a row."""
+LEAST = 1e-30
+"""Density of the noise of two angles together [rad2/Hz] from which on it is told from none."""
+
+
+class _Part(NamedTuple):
+    """A part of the noise of a row: the size of its white sequence at the n fine samples, weights (w,) of samples."""
 
     size: Array
     weights: Array
@@ -45,12 +49,12 @@ def filtered_noise(stretch: RotorRows, inertia: float, stiffness: PerShaft[float
     :math:`\tfrac12 f_s S \sum_t w_i(t) w_j(t) m^2(t)`. The size m goes by steps of a fine sample.
     """
     run, found = stretch.run, np.zeros((len(stretch.run), 1))
-    for density, one, another in _sources(stretch, inertia, stiffness):
+    for together, one, another in _parts(stretch, inertia, stiffness):
         shared = _shared(run, one.weights, another.weights)
-        reach = len(shared) // 2
-        around = sliding_window_view(np.pad(one.size * another.size, reach, mode="edge"), len(shared))
+        power, reach = together * one.size * another.size, len(shared) // 2
+        around = sliding_window_view(np.pad(power, reach, mode="edge"), len(shared))
         around = around[len(run.weights) // 2 :: PER_ROW][: len(run)]
-        found = found + 0.5 * run.run.rate * density * (around @ shared)
+        found = found + 0.5 * run.run.rate * (around @ shared)
     return found
 
 
@@ -65,37 +69,41 @@ def banded_rows(by_row: Array, rows: Mask) -> Array:
     return found
 
 
-def _sources(
+def _parts(
     stretch: RotorRows, inertia: float, stiffness: PerShaft[float]
-) -> Iterator[tuple[float, _ShownOf, _ShownOf]]:
-    """What two parts of the rows have in common: its density, one-sided, and what they show of it."""
+) -> Iterator[tuple[Array | float, _Part, _Part]]:
+    """Parts of the rows two by two, each of them with itself too, and how far their white sequences go together."""
     run, side, other = stretch.run, stretch.side, other_side(stretch.side)
     own, (value, curvature) = stretch.shaft, row_weights(run)
-    torque = _ShownOf(np.ones(len(run.time)), value)
-    yield own.density, torque, torque
+    of_torque = _Part(np.full(len(run.time), math.sqrt(own.density)), value)
+    yield 1.0, of_torque, of_torque
     if stretch.at_rest:
         return
 
-    def in_time(of: str, *, bent: bool) -> Array:
-        course = run.shafts[of].angle_noise.course
-        return np.interp(run.time, course.time, course.curvature if bent else course.value)
+    def size(of: str, *, second_derivative: bool) -> Array:
+        noise = run.shafts[of].angle_noise
+        density, course = (
+            (noise.density, noise.course.curvature) if second_derivative else (noise.value_density, noise.course.value)
+        )
+        return math.sqrt(density) * np.interp(run.time, noise.course.time, course)
 
-    of_own, of_other = (run.shafts[of].angle_noise for of in (side, other))
-    turned = _ShownOf(in_time(side, bent=True), inertia * curvature)
-    yield of_own.density, turned, turned
+    of_acceleration = _Part(size(side, second_derivative=True), inertia * curvature)
+    yield 1.0, of_acceleration, of_acceleration
     if not stiffness[side]:
         return
-    twisted = _ShownOf(in_time(side, bent=False), stiffness[side] * value)
-    across = _ShownOf(in_time(other, bent=False), stiffness[other] * value)
-    yield of_own.value_density, twisted, twisted
-    yield of_other.value_density, across, across
-    for density, one, another in (
-        (math.sqrt(of_own.density * of_own.value_density), turned, twisted),
-        (run.common, turned, across),
-        (run.common, twisted, across),
+    of_own = _Part(size(side, second_derivative=False), stiffness[side] * value)
+    of_other = _Part(size(other, second_derivative=False), stiffness[other] * value)
+    product = size(side, second_derivative=True) * size(other, second_derivative=True)
+    common = np.clip(run.common / np.maximum(product, LEAST), -MOST_COMMON, MOST_COMMON)
+    yield 1.0, of_own, of_own
+    yield 1.0, of_other, of_other
+    for together, one, another in (
+        (1.0, of_acceleration, of_own),
+        (common, of_acceleration, of_other),
+        (common, of_own, of_other),
     ):
-        yield density, one, another
-        yield density, another, one
+        yield together, one, another
+        yield together, another, one
 
 
 def _shared(run: SmoothRun, one: Array, another: Array) -> Array:

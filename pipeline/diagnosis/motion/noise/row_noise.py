@@ -79,8 +79,6 @@ class RowNoise:
         Orthonormal directions of wander, ripple and quantisation, in units of that noise.
     shrunk : (r,) array
         Part of a column along each of them that goes.
-    correlation : (b,) array
-        Covariance of what the filters leave with as many rows later [(N m)2].
     floor : float
         Variance that is added to that of each row [(N m)2].
     side : str
@@ -99,7 +97,6 @@ class RowNoise:
     factor: BandedFactor
     slow: Array
     shrunk: Array
-    correlation: Array
     floor: float
     side: str
     slow_noise: SlowNoise
@@ -131,7 +128,8 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     A row is a filtered sum of white sequences: that of its transducer, and the quantisation of the encoders through
     inertia and the stiffness of the magnetic spring, with the density that either has. Its correlation ends where the
     filters do, so that the covariance of any rows is banded. Steps of an encoder make more noise while the speed
-    changes and where a shaft turns back than while one is held: the size of each source goes with time.
+    changes than while one is held, so that the size of each source goes with time; what they are off where a shaft
+    turns back is the same at the same place, and has directions of its own.
     """
     stretch, sheet = baseline.stretches[place], baseline.sheet
     run, side = stretch.run, stretch.side
@@ -145,15 +143,15 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     if not stretch.at_rest:
         quantisation.append(inertia * _where_it_turns(stretch))
     by_row = filtered_noise(stretch, inertia, sheet.poles.map(lambda poles: spring * poles))
-    banded, correlation = banded_rows(by_row, stretch.rows), np.mean(by_row, axis=0)
-    floor = max(FLOOR * _least_density(correlation, run.row_rate), QUIETEST**2)
+    banded = banded_rows(by_row, stretch.rows)
+    floor = max(FLOOR * _least_density(np.mean(by_row[stretch.rows], axis=0), run.row_rate), QUIETEST**2)
     banded[0] += floor
     factor = BandedFactor.of(cholesky_banded(banded, lower=True, check_finite=False))
     knots, lines = _lines(stretch, slow_noise.wander[side])
     white = factor.solved(np.hstack([slow_spread(stretch, slow_noise), *quantisation]))
     slow, size, _ = np.linalg.svd(white, full_matrices=False)
     shrunk = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
-    return RowNoise(factor, slow, shrunk, correlation, floor, side, slow_noise, np.hstack(quantisation), knots, lines)
+    return RowNoise(factor, slow, shrunk, floor, side, slow_noise, np.hstack(quantisation), knots, lines)
 
 
 def _least_density(correlation: Array, rate: float) -> float:
