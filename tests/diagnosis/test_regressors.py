@@ -11,11 +11,11 @@ from tests.trials.test_motion_nature import BEGUN, short_runs
 
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, start_baseline
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
-from pmg.pipeline.diagnosis.motion.regressors import with_instruments
+from pmg.pipeline.diagnosis.motion.regressors import REGULAR, _factor, _of_noises, _taps, with_instruments
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.motion.angle_noise import EVEN, AngleNoise, NoiseCourse
 from pmg.pipeline.motion.quantisation import NO_ERROR
-from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft, derivative, smooth
+from pmg.pipeline.motion.smooth import PER_ROW, SmoothRun, SmoothShaft, derivative, smooth
 from pmg.pipeline.trials.motion.bench import draw_bench
 from pmg.pipeline.trials.motion.nature import MotionCase, measure_motion_case
 from pmg.pipeline.trials.motion.programme import MotionCampaign
@@ -75,6 +75,35 @@ def _noisy(baseline: MotionBaseline, place: int, rng: np.random.Generator, *, to
     measured[stretch.side] = reading
     noisy = replace(run, shafts=shafts, measured=PerShaft(**measured), common=0.0)
     return MotionBaseline(baseline.sheet, baseline.values, (replace(stretch, run=noisy),))
+
+
+def test_both_balances_of_a_run_have_the_covariance_that_its_noises_make(baseline: MotionBaseline) -> None:
+    """Row by row of both rotors, against sums over all fine samples; a row that was lost weighs nothing."""
+    places = [k for k, each in enumerate(baseline.stretches) if each.coupled][:2]
+    run = baseline.stretches[places[0]].run
+    assert {baseline.stretches[place].run.run.name for place in places} == {run.run.name}
+    common = 0.5 * np.sqrt(run.shafts.sun.angle_noise.density * run.shafts.ring.angle_noise.density)
+    run = replace(run, common=float(common))
+    shows, covariance = _taps(baseline, run, places, None), _of_noises(run)
+    known, rows, n = np.ones((len(run), 2), dtype=np.bool_), 40, len(run.time)
+    known[7, 1] = False
+    factor = _factor(run, shows, covariance, known)
+    half, first = shows.shape[2] // 2, len(run.weights) // 2
+    whole = np.zeros((rows, 2, len(shows[0]), n + 2 * half))
+    for row in range(rows):
+        at = first + PER_ROW * row
+        whole[row, :, :, at : at + 2 * half + 1] = shows
+    power = {pair: np.pad(of, half, mode="edge") for pair, of in covariance.items()}
+    expected = sum(
+        np.einsum("iat,t,jbt->iajb", whole[:, :, one], of, whole[:, :, another]) for (one, another), of in power.items()
+    ).reshape(2 * rows, 2 * rows)
+    lower = np.sum([np.diag(of[: 2 * rows - lag], -lag) for lag, of in enumerate(factor.band[: 2 * rows])], axis=0)
+    found = lower @ lower.T
+    of_lost = 2 * 7 + 1
+    assert found[of_lost, of_lost] > 1e5 * expected.max()
+    others = np.delete(np.arange(2 * rows), of_lost)
+    room = REGULAR * max(float(np.max(np.diag(found)[others])), float(np.max(np.diag(expected))))
+    np.testing.assert_allclose(found[np.ix_(others, others)], expected[np.ix_(others, others)], atol=3.0 * room)
 
 
 @pytest.mark.parametrize("coupled", [False, True])
