@@ -97,7 +97,7 @@ def test_both_balances_of_a_run_have_the_covariance_that_its_noises_make(baselin
     expected = sum(
         np.einsum("iat,t,jbt->iajb", whole[:, :, one], of, whole[:, :, another]) for (one, another), of in power.items()
     ).reshape(2 * rows, 2 * rows)
-    lower = np.sum([np.diag(of[: 2 * rows - lag], -lag) for lag, of in enumerate(factor.band[: 2 * rows])], axis=0)
+    lower = np.sum([np.diag(of[: 2 * rows - lag], -lag) for lag, of in enumerate(factor[: 2 * rows])], axis=0)
     found = lower @ lower.T
     of_lost = 2 * 7 + 1
     assert found[of_lost, of_lost] > 1e5 * expected.max()

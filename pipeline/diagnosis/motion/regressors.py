@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import cholesky_banded
+from scipy.linalg.lapack import dtbtrs
 from scipy.signal import fftconvolve
 
 from pmg.pipeline.diagnosis.motion.constants import coupling_loss_name
-from pmg.pipeline.motion.banded import BandedFactor
 from pmg.pipeline.motion.smooth import MOST_COMMON, PER_ROW, derivative, row_weights
 from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
 from pmg.sim.signals import REVOLUTION
@@ -104,12 +104,14 @@ def _without_noise(
         )
     shows, covariance = _taps(baseline, run, places, heard), _of_noises(run)
     factor = _factor(run, shows, covariance, known)
-    white = factor.solved(residual.reshape(-1, 1)).reshape(residual.shape)
+    white = np.reshape(dtbtrs(factor, residual.reshape(-1, 1), uplo="L")[0], residual.shape)
     spectrum = np.fft.rfft(white, axis=0)
     size = np.sqrt(np.mean(np.abs(spectrum) ** 2, axis=1, keepdims=True) / len(run))
     white = np.fft.irfft(spectrum / np.maximum(size / PASSES_FOR_NOISE, 1.0), len(run), axis=0)
     told = np.zeros((len(run.time), len(places)))
-    told[len(run.weights) // 2 :: PER_ROW][: len(run)] = factor.adjoint(white.reshape(-1, 1)).reshape(white.shape)
+    told[len(run.weights) // 2 :: PER_ROW][: len(run)] = np.reshape(
+        dtbtrs(factor, white.reshape(-1, 1), uplo="L", trans="T")[0], white.shape
+    )
     seen = [
         np.sum([fftconvolve(rows, taps, "same") for rows, taps in zip(told.T, of_noise, strict=True)], axis=0)
         for of_noise in shows.swapaxes(0, 1)
@@ -164,8 +166,8 @@ def _of_noises(run: SmoothRun) -> dict[tuple[int, int], Array]:
     return found
 
 
-def _factor(run: SmoothRun, shows: Array, covariance: dict[tuple[int, int], Array], known: Mask) -> BandedFactor:
-    """Factor of the covariance of the residuals (m, r), row by row; those that are not known weigh nothing."""
+def _factor(run: SmoothRun, shows: Array, covariance: dict[tuple[int, int], Array], known: Mask) -> Array:
+    """Lower factor, by diagonals, of the covariance of residuals (m, r) row by row; unknown ones weigh nothing."""
     count, width = len(shows), shows.shape[2]
     lags = (width - 1) // PER_ROW + 1
     later = np.stack([np.pad(shows, ((0, 0), (0, 0), (PER_ROW * lag, 0)))[:, :, :width] for lag in range(lags)])
@@ -183,7 +185,7 @@ def _factor(run: SmoothRun, shows: Array, covariance: dict[tuple[int, int], Arra
             banded[lag * count + second - first, place] = of_lag[: len(run) - lag, first, second, lag]
     largest = float(banded[0].max()) or 1.0
     banded[0] += np.where(known.ravel(), REGULAR * largest, UNKNOWN * largest)
-    return BandedFactor.of(cholesky_banded(banded, lower=True, check_finite=False))
+    return np.asarray(cholesky_banded(banded, lower=True, check_finite=False))
 
 
 def _response(weights: Array, frequency: Array) -> Array:
