@@ -98,8 +98,9 @@ class MotionEvidence:
     y : (m,) array
         Measured less predicted.
     scatter : float
-        Standard deviation of the rows about everything that is looked for, in units of the noise that sensors make;
-        1 at least. Rows are in units of it.
+        Standard deviation of the rows about everything that is looked for, and about what transducers may show too
+        much, whose columns hold their noise, in units of the noise that sensors make; 1 at least. Rows are in units of
+        it.
     quiet : float
         The same in units of `scatter`: below 1 where the noise is less than what sensors and filters were thought to
         make of it.
@@ -169,10 +170,14 @@ def motion_evidence(
         blocks = [np.zeros((n, width)) if b is None else b for n, b in zip(sizes, of_part, strict=True)]
         return np.vstack([*blocks, np.zeros((len(known), width))])
 
+    def tried(term: MotionTerm) -> Array:
+        return stacked([part.candidates.get(term.key) for part in parts], shapes_of(term).size * len(term.amplitudes))
+
     looked, swinging = _looked_for(parts, stacked)
     searched = (block < turning) | (block == len(parts))
     left = np.concatenate([*(part.left for part in parts), off])[searched]
-    shown = scatter_beyond(left, [each[searched] for each in (columns, *looked.values())])
+    noisy = (tried(term) for term in terms if term.of_transducer)  # which holds the noise of the rows itself
+    shown = scatter_beyond(left, [each[searched] for each in (columns, *looked.values(), *noisy)])
     scatter = max(shown, 1.0)
     rough = (math.sqrt(max(part.unexplained, 1.0)) if k >= turning else 1.0 for k, part in enumerate(parts))
     unit = 1.0 / np.array([*(scatter * each for each in rough), 1.0])[block]
@@ -181,7 +186,7 @@ def motion_evidence(
     swinging = {side: unit[:, None] * each for side, each in swinging.items()}
     for name, names in OF_SHEET.items():
         looked[Family("both", OFF_SHEET, name)] = _units_of_sheet(baseline.sheet, names, len(y))
-    tables = _tabled(terms, parts, stacked, baseline.sheet, unit)
+    tables = _tabled(terms, tried, baseline.sheet, unit)
     views = [*views_of(baseline.clean), *views_of(held)]  # those before hold all that was worked out for the tables
 
     def worked_out(term: MotionTerm, shape: float) -> Array:
@@ -215,19 +220,13 @@ def motion_evidence(
 
 
 def _tabled(
-    terms: tuple[MotionTerm, ...],
-    parts: list[Compressed],
-    stacked: Callable[[list[Array | None], int], Array],
-    sheet: DataSheet,
-    unit: Array,
+    terms: tuple[MotionTerm, ...], tried: Callable[[MotionTerm], Array], sheet: DataSheet, unit: Array
 ) -> dict[str, Tabled]:
     """Whitened columns of each term that acts, over its shapes, in the `unit` (m,) of the rows."""
     tables = {}
     for term in terms:
         shapes, a = shapes_of(term), len(term.amplitudes)
-        whole = stacked([part.candidates.get(term.key) for part in parts], len(shapes) * a)
-        if term.constants:
-            whole = _of_sheet(sheet, term.constants, len(unit))
+        whole = _of_sheet(sheet, term.constants, len(unit)) if term.constants else tried(term)
         if whole.any():
             tables[term.key] = Tabled(term, shapes, (unit[:, None] * whole).reshape(len(whole), len(shapes), a))
     return tables
