@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -98,9 +98,8 @@ class MotionEvidence:
     y : (m,) array
         Measured less predicted.
     scatter : float
-        Standard deviation of the rows about everything that is looked for, and about what transducers may show too
-        much, whose columns hold their noise, in units of the noise that sensors make; 1 at least. Rows are in units of
-        it.
+        Standard deviation of the rows about everything that is looked for, and about the faults of transducers whose
+        columns hold their noise, in units of the noise that sensors make; 1 at least. Rows are in units of it.
     quiet : float
         The same in units of `scatter`: below 1 where the noise is less than what sensors and filters were thought to
         make of it.
@@ -157,26 +156,22 @@ def motion_evidence(
     them would be one.
     """
     turning, held = len(baseline.stretches), baseline.held
-    of_held = [row_noise(held, place, noise[0].slow_noise) for place in range(len(held.stretches))]
-    parts = [*compressed(baseline, noise, terms), *compressed(held, of_held, terms)]
-    noise = [*noise, *of_held]
-    sizes = [len(part.y) for part in parts]
+    noise = [*noise, *(row_noise(held, place, noise[0].slow_noise) for place in range(len(held.stretches)))]
+    parts = [*compressed(baseline, noise[:turning], terms), *compressed(held, noise[turning:], terms)]
     known, off = baseline.sheet.known, baseline.sheet.off(baseline.values)
     y = np.concatenate([*(part.y for part in parts), off])
     columns = np.vstack([*(part.constants for part in parts), baseline.sheet.rows])
-    block = np.repeat(np.arange(len(parts) + 1, dtype=np.int64), [*sizes, len(known)])
+    block = np.repeat(np.arange(len(parts) + 1, dtype=np.int64), [*(len(part.y) for part in parts), len(known)])
 
     def stacked(of_part: list[Array | None], width: int) -> Array:
-        blocks = [np.zeros((n, width)) if b is None else b for n, b in zip(sizes, of_part, strict=True)]
+        blocks = [np.zeros((len(p.y), width)) if b is None else b for p, b in zip(parts, of_part, strict=True)]
         return np.vstack([*blocks, np.zeros((len(known), width))])
 
-    def tried(term: MotionTerm) -> Array:
-        return stacked([part.candidates.get(term.key) for part in parts], shapes_of(term).size * len(term.amplitudes))
-
+    tried = partial(_tried, parts, stacked)
     looked, swinging = _looked_for(parts, stacked)
     searched = (block < turning) | (block == len(parts))
     left = np.concatenate([*(part.left for part in parts), off])[searched]
-    noisy = (tried(term) for term in terms if term.of_transducer)  # which holds the noise of the rows itself
+    noisy = (tried(term) for term in terms if term.hears is not None)
     shown = scatter_beyond(left, [each[searched] for each in (columns, *looked.values(), *noisy)])
     scatter = max(shown, 1.0)
     rough = (math.sqrt(max(part.unexplained, 1.0)) if k >= turning else 1.0 for k, part in enumerate(parts))
@@ -217,6 +212,11 @@ def motion_evidence(
         noise=tuple(noise),
         of_wander=tuple(part.of_wander for part in parts),
     )
+
+
+def _tried(parts: list[Compressed], stacked: Callable[[list[Array | None], int], Array], term: MotionTerm) -> Array:
+    """Whitened columns of a term at each of its shapes."""
+    return stacked([part.candidates.get(term.key) for part in parts], shapes_of(term).size * len(term.amplitudes))
 
 
 def _tabled(
