@@ -94,6 +94,14 @@ class AngleNoise:
     quantisation: QuantisationError
     course: NoiseCourse = EVEN
 
+    def density_at(self, time: Array) -> Array:
+        """Spectral density as the second derivative shows it at some instants (n,) [rad2/Hz], one-sided."""
+        return self.density * np.interp(time, self.course.time, self.course.curvature) ** 2
+
+    def value_density_at(self, time: Array) -> Array:
+        """The same as the angle itself shows it."""
+        return self.value_density * np.interp(time, self.course.time, self.course.value) ** 2
+
 
 def angle_noise(
     angle: Array, count: float, rate: float, filters: tuple[Array, Array, Array], above: Callable[[Array, float], Mask]

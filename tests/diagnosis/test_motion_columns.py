@@ -35,17 +35,22 @@ from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
 from pmg.sim.signals import Array
 
 
-@pytest.fixture(scope="module")
-def baseline() -> MotionBaseline:
+def short_baseline() -> MotionBaseline:
     """Of the short campaign: engaged, loaded in a step; and both shafts through standstill in neutral."""
     runs = tuple(replace(run, started_at=run.started_at + timedelta(minutes=k)) for k, run in enumerate(short_runs()))
     scene = Scene(draw_bench(np.random.default_rng(1)), MotionCampaign("short", runs), (BEGUN,) * len(runs))
     case = MotionCase("short", motion_strata()[0], scene, (), "")
     measured = tuple(measure_motion_case(case, np.random.default_rng(2)))
     sheet = sheet_of(load_bench(), 1, tuple(run.name for run in measured if run.coupled))
-    found = start_baseline(sheet, stretches_of(tuple(map(smooth, measured))))
+    return start_baseline(sheet, stretches_of(tuple(map(smooth, measured))))
+
+
+@pytest.fixture(scope="module")
+def baseline() -> MotionBaseline:
+    """The same with some drag."""
+    found = short_baseline()
     for side in ("sun", "ring"):
-        found.values[sheet.at(f"drag_{side}_0.5")] = 0.1
+        found.values[found.sheet.at(f"drag_{side}_0.5")] = 0.1
     return found
 
 

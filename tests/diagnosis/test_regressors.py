@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import timedelta
 
 import numpy as np
 import pytest
-from tests.trials.test_motion_nature import BEGUN, short_runs
+from tests.diagnosis.test_motion_columns import short_baseline
 
-from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, start_baseline
-from pmg.pipeline.diagnosis.motion.constants import sheet_of
+from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
 from pmg.pipeline.diagnosis.motion.regressors import REGULAR, _factor, _of_noises, _taps, with_instruments
-from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.motion.angle_noise import EVEN, AngleNoise, NoiseCourse
 from pmg.pipeline.motion.quantisation import NO_ERROR
-from pmg.pipeline.motion.smooth import PER_ROW, SmoothRun, SmoothShaft, derivative, smooth
-from pmg.pipeline.trials.motion.bench import draw_bench
-from pmg.pipeline.trials.motion.nature import MotionCase, measure_motion_case
-from pmg.pipeline.trials.motion.programme import MotionCampaign
-from pmg.pipeline.trials.motion.size import Scene
-from pmg.pipeline.trials.motion.strata import motion_strata
-from pmg.sim.bench import load_bench
+from pmg.pipeline.motion.smooth import PER_ROW, SmoothRun, SmoothShaft, derivative
 from pmg.sim.shafts import PerShaft, per_shaft
 from pmg.sim.signals import Array
 
@@ -32,12 +23,7 @@ OF_TORQUE, OF_ANGLE, DRAWS = 4e-7, 6e-10, 60
 @pytest.fixture(scope="module")
 def baseline() -> MotionBaseline:
     """Of a short synthetic campaign, both shafts in neutral and engaged."""
-    runs = tuple(replace(run, started_at=run.started_at + timedelta(minutes=k)) for k, run in enumerate(short_runs()))
-    scene = Scene(draw_bench(np.random.default_rng(1)), MotionCampaign("short", runs), (BEGUN,) * len(runs))
-    case = MotionCase("short", motion_strata()[0], scene, (), "")
-    measured = tuple(measure_motion_case(case, np.random.default_rng(2)))
-    sheet = sheet_of(load_bench(), 1, tuple(run.name for run in measured if run.coupled))
-    return start_baseline(sheet, stretches_of(tuple(map(smooth, measured))))
+    return short_baseline()
 
 
 def _swell(run: SmoothRun) -> Array:

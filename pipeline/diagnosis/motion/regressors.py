@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     Heard = Callable[[str, Spectrum], tuple[Spectrum | float, Spectrum | float]] | None
 
 TAPS, NOTHING = 512, 1e-4
-"""Fine samples of a circle on which the weights of a row's noise are worked out, 2 s for a lag of up to 0.1 s; and the
-size of a weight, over the largest, up to which it is none."""
+"""Fine samples of the Fourier transform that gives the weights of a row's noise: 2 s for a lag of up to 0.1 s;
+and the weight, over the largest, below which it is taken for zero."""
 
 REGULAR, UNKNOWN = 1e-4, 1e6
 """White part of the rows, over their largest variance, that keeps their covariance regular, and of a missing row."""
@@ -156,11 +156,10 @@ def _of_noises(run: SmoothRun) -> dict[tuple[int, int], Array]:
     found = {}
     for k, shaft in enumerate(run.shafts[side] for side in SIDES):
         noise, course = shaft.angle_noise, shaft.angle_noise.course
-        size = np.interp(run.time, course.time, course.curvature)
         turning = np.interp(run.time, course.time, np.sum(course.turning**2, axis=1), left=0.0, right=0.0)
         as_white = turning / (0.5 * run.run.rate * float(curvature @ curvature))
         found[k, k] = np.full(len(run.time), unit * shaft.density)
-        found[2 + k, 2 + k] = unit * (noise.density * size**2 + as_white)
+        found[2 + k, 2 + k] = unit * (noise.density_at(run.time) + as_white)
     most = MOST_COMMON * np.sqrt(found[2, 2] * found[3, 3])
     found[2, 3] = found[3, 2] = np.clip(unit * run.common, -most, most)
     return found

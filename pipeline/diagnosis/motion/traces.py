@@ -162,9 +162,8 @@ def _spread(stretch: RotorRows, band: Array, slow: Array, width: int) -> Array:
     upto = np.pad(np.cumsum(band, axis=0), ((1, 0), (0, 0)))  # what a mean takes of each column of the factor
     variance, taken = np.zeros(n), np.arange(n)
     among = np.minimum(taken, half) + np.minimum(n - 1 - taken, half) + 1
-    for ahead in range(
-        max(-half - len(band), -n) + 1, min(half + 1, n)
-    ):  # of the column, from the row in the middle of the mean
+    # offsets of a column of the factor from the row in the middle of the mean
+    for ahead in range(max(-half - len(band), -n) + 1, min(half + 1, n)):
         last, first = np.clip(np.array([half - ahead + 1, -half - ahead]), 0, len(band))
         rows = slice(max(-ahead, 0), n - max(ahead, 0))
         columns = slice(max(ahead, 0), n - max(-ahead, 0))

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 LEAST = 1e-30
-"""Density of the noise of two angles together [rad2/Hz] from which on it is told from none."""
+"""Smallest density of the noise of both angles that is divided by [rad2/Hz]: a channel may have none."""
 
 
 class _Part(NamedTuple):
@@ -45,8 +45,8 @@ def filtered_noise(stretch: RotorRows, inertia: float, stiffness: PerShaft[float
 
     Notes
     -----
-    A row is a sum of samples with weights w, and a source of density S that is m(t) times as large at some instant adds
-    :math:`\tfrac12 f_s S \sum_t w_i(t) w_j(t) m^2(t)`. The size m goes by steps of a fine sample.
+    A row is a sum of samples with weights w, and a source of the one-sided density S(t) adds
+    :math:`\tfrac12 f_s \sum_t w_i(t) w_j(t) S(t)`; S changes in steps of a fine sample.
     """
     run, found = stretch.run, np.zeros((len(stretch.run), 1))
     for together, one, another in _parts(stretch, inertia, stiffness):
@@ -80,20 +80,14 @@ def _parts(
     if stretch.at_rest:
         return
 
-    def size(of: str, *, second_derivative: bool) -> Array:
-        noise = run.shafts[of].angle_noise
-        density, course = (
-            (noise.density, noise.course.curvature) if second_derivative else (noise.value_density, noise.course.value)
-        )
-        return math.sqrt(density) * np.interp(run.time, noise.course.time, course)
-
-    of_acceleration = _Part(size(side, second_derivative=True), inertia * curvature)
+    noise, others = (run.shafts[of].angle_noise for of in (side, other))
+    of_acceleration = _Part(np.sqrt(noise.density_at(run.time)), inertia * curvature)
     yield 1.0, of_acceleration, of_acceleration
     if not stiffness[side]:
         return
-    of_own = _Part(size(side, second_derivative=False), stiffness[side] * value)
-    of_other = _Part(size(other, second_derivative=False), stiffness[other] * value)
-    product = size(side, second_derivative=True) * size(other, second_derivative=True)
+    of_own = _Part(np.sqrt(noise.value_density_at(run.time)), stiffness[side] * value)
+    of_other = _Part(np.sqrt(others.value_density_at(run.time)), stiffness[other] * value)
+    product = np.sqrt(noise.density_at(run.time) * others.density_at(run.time))
     common = np.clip(run.common / np.maximum(product, LEAST), -MOST_COMMON, MOST_COMMON)
     yield 1.0, of_own, of_own
     yield 1.0, of_other, of_other
