@@ -21,7 +21,7 @@ from pmg.pipeline.campaign_comparison.transducers import Transducers
 from pmg.pipeline.catalogue.difference import MeanDifference, differing, mean_differences, paired
 from pmg.pipeline.diagnosis.design.audit import ALIKE, DIGITS, audit_design
 from pmg.pipeline.diagnosis.engine import scan as scans
-from pmg.pipeline.diagnosis.engine.adequacy import Remainder
+from pmg.pipeline.diagnosis.engine.adequacy import Remainder, adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
 from pmg.pipeline.diagnosis.engine.explanation import Explanation, rivals_near
@@ -146,6 +146,26 @@ def test_a_family_is_judged_by_the_f_test_of_what_the_baseline_leaves_of_it(
     p = stats.f.sf((squares[0] - squares[1]) / (squares[1] / 27.0), 1, 27)
     scan = scan_beside(readings, baseline, [family])
     assert scan(white[:, None])[0, 0] == pytest.approx(math.log(p), abs=1e-9)
+
+
+def test_what_rows_hold_along_columns_set_aside_makes_no_scatter_and_no_structure(rng: np.random.Generator) -> None:
+    """The F test of a family, and the excess along all, are those of rows that hold nothing along such columns."""
+    n = 60
+    family, aside, white = rng.standard_normal((n, 3)), rng.standard_normal((n, 2)), rng.standard_normal((n, 40))
+    beyond = np.linalg.qr(np.hstack([family, aside]))[0][:, 3:]
+    white -= beyond @ (beyond.T @ white)
+    white[:, 0] += 0.4 * family[:, 0]
+    evidence = Evidence(white[:, 0], np.zeros((n, 0)), [family], (np.ones(n, np.bool_),), white[:, 1:], aside=aside)
+    noisy = white + 30.0 * beyond[:, :1]
+    scan = make_scan(evidence, evidence.baseline)
+    squares = float(np.sum((np.linalg.qr(family)[0].T @ white[:, 0]) ** 2))
+    p = stats.f.sf((squares / 3.0) / ((white[:, 0] @ white[:, 0] - squares) / (n - 5.0)), 3, n - 5)
+    assert scan(noisy[:, :1])[0, 0] == pytest.approx(math.log(p), abs=1e-9)
+    problems = (SimpleNamespace(baseline=evidence.baseline, left=left[:, 0]) for left in (white, noisy))
+    plain, held = (adequacy_test(evidence)(cast("Any", problem)) for problem in problems)
+    assert held.excess == pytest.approx(plain.excess, abs=1e-9)
+    assert plain.excess > 1.0
+    assert held.p_value == plain.p_value
 
 
 @given(st.integers(1, 200), st.floats(100.0, 1e5), st.floats(60.0, 270.0))

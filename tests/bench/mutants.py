@@ -245,7 +245,7 @@ STATISTICS = (
         "np.sum(np.ones(len(leverage))[rows])",
         DECISIONS,
     ),
-    mutant("columns looked for that the baseline absorbs", "make_scan", "> ABSORBED]", "> 0.0]", DECISIONS),
+    mutant("columns looked for that the baseline absorbs", "_beyond_basis", "> ABSORBED]", "> 0.0]", DECISIONS),
     mutant(
         "noise floor with all readings as degrees of freedom",
         "_left_dof",

@@ -92,8 +92,8 @@ def _excess(scan: Scan, white: Array) -> Array:
     """
     left = white - scan.baseline @ (scan.baseline.T @ white)
     along = scan.everything.T @ left
-    rest = left - scan.everything @ along
-    dof = max(len(white) - scan.everything.shape[1], 1)
+    rest = scan.rest(left)
+    dof = max(len(white) - scan.everything.shape[1] - scan.beyond.shape[1], 1)
     dimensions = scan.everything.shape[1] - scan.baseline.shape[1]
     variance = np.maximum(np.sum(rest**2, axis=0) / dof, 1e-12)
     largest = np.zeros(white.shape[1])

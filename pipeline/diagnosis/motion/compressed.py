@@ -161,8 +161,8 @@ def _span(columns: Array) -> Array:
     return np.asarray(unit @ (vectors[:, kept] / np.sqrt(squares[kept])))
 
 
-def scatter_beyond(left: Array, looked: list[Array]) -> float:
-    """Standard deviation of rows (m,) about all that columns span."""
-    everything = orthonormal(np.hstack(looked))
+def scatter_beyond(left: Array, looked: Array) -> float:
+    """Standard deviation of rows (m,) about all that columns (m, k) span."""
+    everything = orthonormal(looked)
     rest = left - everything @ (everything.T @ left)
     return float(np.sqrt(rest @ rest / max(len(left) - everything.shape[1], 1)))

@@ -155,6 +155,11 @@ class DataSheet:
         found[np.arange(len(self.known)), self.known] = 1.0 / self.spread[self.known]
         return found
 
+    def columns_of(self, names: tuple[str, ...], rows: int) -> Array:
+        """Columns (m, k) of constants that are off: they move what the sheet says of them, the last of `rows` rows."""
+        own = -self.rows[:, [self.at(name) for name in names]]
+        return np.vstack([np.zeros((rows - len(own), len(names))), own])
+
     def off(self, values: Array) -> Array:
         """What it says less values (k,), in its standard uncertainties (s,)."""
         return np.asarray((self.expected - values)[self.known] / self.spread[self.known])

@@ -100,9 +100,8 @@ class MotionEvidence:
     scatter : float
         Standard deviation of the rows about everything that is looked for, and about the faults of transducers whose
         columns hold their noise, in units of the noise that sensors make; 1 at least. Rows are in units of it.
-    quiet : float
-        The same in units of `scatter`: below 1 where the noise is less than what sensors and filters were thought to
-        make of it.
+    floor : float
+        The same with what those faults' columns hold of noise, in units of `scatter`: what rows have beside a cause.
     noise : tuple of RowNoise
         Of each stretch.
     of_wander : tuple of (r, q) array
@@ -120,7 +119,7 @@ class MotionEvidence:
     swinging: dict[str, Array]
     y: Array
     scatter: float
-    quiet: float
+    floor: float
     noise: tuple[RowNoise, ...]
     of_wander: tuple[Array, ...]
 
@@ -171,22 +170,21 @@ def motion_evidence(
     looked, swinging = _looked_for(parts, stacked)
     searched = (block < turning) | (block == len(parts))
     left = np.concatenate([*(part.left for part in parts), off])[searched]
-    noisy = (tried(term) for term in terms if term.hears is not None)
-    shown = scatter_beyond(left, [each[searched] for each in (columns, *looked.values(), *noisy)])
-    scatter = max(shown, 1.0)
+    spanned, heard = np.hstack([columns, *looked.values()]), _together(tried, terms, lambda t: t.hears is not None)
+    shown, whole = (scatter_beyond(left, of[searched]) for of in (np.hstack([spanned, heard]), spanned))
+    scatter, aside = max(shown, 1.0), _together(tried, terms, lambda t: t.hears is not None or t.comes_late)
     rough = (math.sqrt(max(part.unexplained, 1.0)) if k >= turning else 1.0 for k, part in enumerate(parts))
     unit = 1.0 / np.array([*(scatter * each for each in rough), 1.0])[block]
     y, columns = unit * y, unit[:, None] * columns
     looked = {family: unit[:, None] * each for family, each in looked.items()}
     swinging = {side: unit[:, None] * each for side, each in swinging.items()}
-    for name, names in OF_SHEET.items():
-        looked[Family("both", OFF_SHEET, name)] = _units_of_sheet(baseline.sheet, names, len(y))
+    looked |= _off_sheet(baseline.sheet, len(y))
     tables = _tabled(terms, tried, baseline.sheet, unit)
     views = [*views_of(baseline.clean), *views_of(held)]  # those before hold all that was worked out for the tables
 
     def worked_out(term: MotionTerm, shape: float) -> Array:
         if term.constants:
-            return _of_sheet(baseline.sheet, term.constants, len(y))
+            return baseline.sheet.columns_of(term.constants, len(y))
         acting = zip(parts, views, strict=True)
         of_part = [p.row_weights.T @ term.rows_on(view, shape) if term.acts(view) else None for p, view in acting]
         return unit[:, None] * stacked(of_part, len(term.amplitudes))
@@ -195,7 +193,8 @@ def motion_evidence(
     free = freed(np.hstack([columns, given]), y)
     problem = TermProblem(*free, _remembered(worked_out, tables), tables, ABSORBED_BY_SHEET)
     draws = np.vstack([_null(parts, tuple(noise), rng), rng.standard_normal((len(known), DRAWS))])
-    evidence = Evidence(problem.left, problem.baseline, list(looked.values()), (np.ones(len(y), np.bool_),), draws)
+    rows = (np.ones(len(y), np.bool_),)
+    evidence = Evidence(problem.left, problem.baseline, list(looked.values()), rows, draws, aside=unit[:, None] * aside)
     return MotionEvidence(
         evidence=evidence,
         problem=problem,
@@ -208,7 +207,7 @@ def motion_evidence(
         swinging=swinging,
         y=y,
         scatter=scatter,
-        quiet=shown / scatter,
+        floor=whole / scatter,
         noise=tuple(noise),
         of_wander=tuple(part.of_wander for part in parts),
     )
@@ -219,6 +218,19 @@ def _tried(parts: list[Compressed], stacked: Callable[[list[Array | None], int],
     return stacked([part.candidates.get(term.key) for part in parts], shapes_of(term).size * len(term.amplitudes))
 
 
+def _off_sheet(sheet: DataSheet, rows: int) -> dict[Family, Array]:
+    """What is looked for of constants off their data sheet, per standard uncertainty of it."""
+    spreads = {name: sheet.spread[[sheet.at(each) for each in names]] for name, names in OF_SHEET.items()}
+    return {Family("both", OFF_SHEET, n): spreads[n] * sheet.columns_of(of, rows) for n, of in OF_SHEET.items()}
+
+
+def _together(
+    tried: Callable[[MotionTerm], Array], terms: tuple[MotionTerm, ...], which: Callable[[MotionTerm], bool]
+) -> Array:
+    """The columns (m, k) of some of the terms."""
+    return np.hstack([tried(term) for term in terms if which(term)])
+
+
 def _tabled(
     terms: tuple[MotionTerm, ...], tried: Callable[[MotionTerm], Array], sheet: DataSheet, unit: Array
 ) -> dict[str, Tabled]:
@@ -226,7 +238,7 @@ def _tabled(
     tables = {}
     for term in terms:
         shapes, a = shapes_of(term), len(term.amplitudes)
-        whole = _of_sheet(sheet, term.constants, len(unit)) if term.constants else tried(term)
+        whole = sheet.columns_of(term.constants, len(unit)) if term.constants else tried(term)
         if whole.any():
             tables[term.key] = Tabled(term, shapes, (unit[:, None] * whole).reshape(len(whole), len(shapes), a))
     return tables
@@ -285,14 +297,3 @@ def _remembered(
         return tables[term.key].columns[:, 0] if term.shape is None else kept(motion, shape)
 
     return columns_of
-
-
-def _of_sheet(sheet: DataSheet, names: tuple[str, ...], rows: int) -> Array:
-    """Columns (m, k) of constants that are off their data sheet: they move what the sheet says of them."""
-    own = -sheet.rows[:, [sheet.at(name) for name in names]]
-    return np.vstack([np.zeros((rows - len(own), len(names))), own])
-
-
-def _units_of_sheet(sheet: DataSheet, names: tuple[str, ...], rows: int) -> Array:
-    """The same per standard uncertainty of its data sheet."""
-    return np.asarray(sheet.spread[[sheet.at(name) for name in names]] * _of_sheet(sheet, names, rows))

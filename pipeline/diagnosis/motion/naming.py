@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 SEARCH_STEPS = "causes", "constants beside the first cause"
 """Steps of the search, as its progress names them."""
 
-STRAIGHTENED = 3
+STRAIGHTENED = 4
 """Times at most that the rows are made straight about what leads, and the library is searched anew."""
 
 FOLLOWED, NEAR_ONE = 3, 0.02
