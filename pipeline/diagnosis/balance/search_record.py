@@ -17,6 +17,7 @@ from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, record_evidence
 from pmg.pipeline.diagnosis.balance.noise_model import noise_of
+from pmg.pipeline.diagnosis.balance.records.hum import hum_beside
 from pmg.pipeline.diagnosis.balance.records.recorded import modelled_by
 from pmg.pipeline.diagnosis.balance.records.reversals import reversals
 from pmg.pipeline.diagnosis.balance.records.zero import ZERO
@@ -151,16 +152,21 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
     tables, found = coarse, None
     named: tuple[TermFit, ...] = ()
     fitted: tuple[SetTerm, ...] = ()
+    noise = noise_of(recorded.force, structured, recorded.breaks[1:], recorded.own_noise)
+    hum = hum_beside(recorded, noise.noise, structured, case.prepare.low_pass_hz)
+    looked = (*looked, *hum)
+    structured = np.hstack([structured, *(family.columns for family in hum)])
     for turn in range(SEARCHES):
         if _of_kind(fit.candidate for fit in named) or fitted:
             given, fitted = _beside(whole, case, free, named)
-            looked, faults = families_of(given, case.axis), tuple(term for term in searched if term.of_model)
+            looked, faults = (*families_of(given, case.axis), *hum), tuple(term for term in searched if term.of_model)
             tables, coarse = tables | tabulate(given, faults), coarse | tabulate(given, faults, coarse=True)
             structured = _structured(plain, looked, coarse)
         if named:
             structured = np.hstack([structured, design_of(given, (), named)])
             recorded, _ = for_search(given, free, named)
-        noise = noise_of(recorded.force, structured, recorded.breaks[1:], recorded.own_noise)
+        if turn > 0 or hum:
+            noise = noise_of(recorded.force, structured, recorded.breaks[1:], recorded.own_noise)
         null = noise.whitened_draws(DRAWS, rng)
         problem = _with_second(term_problem(recorded, tables, noise.noise, plain), case)
         evidence = record_evidence(noise, problem, looked, null)

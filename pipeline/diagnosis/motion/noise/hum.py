@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 from scipy.stats import binom
 
+from pmg.pipeline.diagnosis.engine.spectral_line import over_neighbours, swept
 from pmg.pipeline.motion.smooth import BAND
 from pmg.sim.shafts import SIDES
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
-    from pmg.sim.signals import Array, Mask
+    from pmg.sim.signals import Array
 
 SLOWEST = 1.5
 """Lowest frequency that is looked at [Hz]; what is slower may be wander or a manoeuvre."""
@@ -34,9 +34,8 @@ CERTAIN = 1e-6
 """Probability of the whole search up to which a frequency is no chance: far below what is usual, as orders of a turn
 that are swept over leave the power less even than noise does."""
 
-TURNING, LONG = 0.02, 5.0
-"""Part of its highest speed by which a shaft must change its speed within a second for a row to count, so that orders
-of a turn sweep over frequencies; and time that such rows must fill [s]."""
+LONG = 5.0
+"""Time that rows at which the speed changes must fill [s]."""
 
 
 def hums_of(stretches: Sequence[RotorRows], white: Sequence[Array]) -> dict[str, float]:
@@ -56,9 +55,8 @@ def hums_of(stretches: Sequence[RotorRows], white: Sequence[Array]) -> dict[str,
 
     Notes
     -----
-    The power of white noise at a frequency, over the median of its neighbours times :math:`1/\ln 2`, is distributed
-    exponentially. With q the power at a frequency that half of the stretches exceed, h of r, chance makes h or more
-    exceed it by the binomial law of r and :math:`e^{-q}`: times the frequencies that are looked at, that is the
+    With q the ratio of `over_neighbours` at a frequency that half of the stretches exceed, h of r, chance makes h or
+    more exceed it by the binomial law of r and :math:`e^{-q}`: times the frequencies that are looked at, that is the
     probability of the whole search. A few runs with a resonance or a line of their own make no hum, and orders of a
     turn make none, as rows at which the speed is kept do not count.
     """
@@ -69,7 +67,7 @@ def hums_of(stretches: Sequence[RotorRows], white: Sequence[Array]) -> dict[str,
         for stretch, left in zip(stretches, white, strict=True):
             if stretch.side != side or stretch.at_rest:
                 continue
-            turning = _turning(stretch)
+            turning = swept(stretch.of_rows(stretch.shaft.speed), stretch.run.row_rate)
             if turning.sum() >= LONG * stretch.run.row_rate:
                 of_side.append(_shown(stretch, left * turning, frequencies))
         half = max((len(of_side) + 1) // 2, LEAST)
@@ -82,20 +80,11 @@ def hums_of(stretches: Sequence[RotorRows], white: Sequence[Array]) -> dict[str,
     return found
 
 
-def _turning(stretch: RotorRows) -> Mask:
-    """Rows (n,) of a stretch about which the shaft changes its speed."""
-    speed, second = stretch.of_rows(stretch.shaft.speed), round(stretch.run.row_rate)
-    change = maximum_filter1d(speed, second) - minimum_filter1d(speed, second)
-    return np.asarray(change > TURNING * np.abs(speed).max())
-
-
 def _shown(stretch: RotorRows, white: Array, frequencies: Array) -> Array:
     """Power (f,) of whitened rows at each frequency, over what its neighbours have."""
     whole = np.zeros(len(stretch.rows))
     whole[stretch.rows] = white
     count = round(stretch.run.row_rate / STEP)
     folded = np.pad(whole, (0, -len(whole) % count)).reshape(-1, count).sum(axis=0)
-    power = np.abs(np.fft.rfft(folded)) ** 2
-    usual = median_filter(power, 2 * round(ABOUT / STEP) + 1, mode="nearest") / np.log(2.0)
-    shown = power / np.maximum(usual, np.finfo(np.float64).tiny)
+    shown = over_neighbours(np.abs(np.fft.rfft(folded)) ** 2, round(ABOUT / STEP))
     return np.asarray(np.interp(frequencies, np.fft.rfftfreq(count, 1.0 / stretch.run.row_rate), shown))
