@@ -174,7 +174,7 @@ def angle_noise(
     at = [beside(jitter, np.maximum(uniform_filter1d(power, over), LEAST * even)) for power in (inside, of_value)]
     density, of_angle = (float(np.mean(power)) for power in at)
     curvature, value = (np.sqrt(power[::every] / np.mean(power)) for power in at)
-    turning = turning_directions(smooth, count, jitter * 0.5 * rate, slowly, curved)[::every]
+    turning = turning_directions(smooth, count, rate, jitter * 0.5 * rate, slowly, curved)[::every]
     time = (began + len(curved) // 2 + every * np.arange(len(curvature))) / rate
     return AngleNoise(density, of_angle, quantisation, NoiseCourse(time, curvature, value, turning))
 

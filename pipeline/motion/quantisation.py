@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 from scipy.signal import fftconvolve
 
 from pmg.sim.signals import REVOLUTION
@@ -23,8 +24,12 @@ QUANTISED_LEAST = 9.0
 """Square of the mean of a wave of the steps, over that of steps without order, from which on it counts: one in 8000."""
 
 TURNING, TURNING_WAVES = 45.0, (1, 2, 3)
-"""Counts a second up to which steps come into the rows one by one, as where a shaft turns back: beyond the stop band of
-their low-pass of 28 Hz; and waves of the steps that are taken."""
+"""Frequency [Hz] up to which waves of the steps come into the rows, as where a shaft turns back: beyond it is the stop
+band of their low-pass of 28 Hz; and waves of the steps that are taken."""
+
+
+HELD = 0.2
+"""Time for which a wave of quick steps, as samples show it, must stay below that frequency [s]."""
 
 
 @dataclass(frozen=True)
@@ -80,19 +85,30 @@ def slowly_counted(smooth: Array, count: float, rate: float) -> Array:
     return np.clip(2.0 - np.abs(np.gradient(smooth)) * rate / (TURNING * count), 0.0, 1.0)
 
 
-def turning_directions(smooth: Array, count: float, variance: float, slowly: Array, curved: Array) -> Array:
-    r"""What steps are off in the second derivative where they come `slowly`: directions (m, w) [rad/s2].
+def _folded(smooth: Array, count: float, rate: float, wave: int) -> Array:
+    """1 where a wave of the steps of a smooth angle (n,) folds to `TURNING` or less for `HELD`, or else 0 (n,)."""
+    waves = wave / count * np.gradient(smooth)
+    most = maximum_filter1d(np.abs(waves - np.round(waves)) * rate, max(round(HELD * rate), 1))
+    return np.clip(2.0 - most / TURNING, 0.0, 1.0)
+
+
+def turning_directions(
+    smooth: Array, count: float, rate: float, variance: float, slowly: Array, curved: Array
+) -> Array:
+    r"""What steps are off in the second derivative where they follow an order: directions (m, w) [rad/s2].
 
     The error is :math:`\sum_k c/(\pi k) \sin(2\pi k (x + x_0)/c)`, a sum of two waves for each k whatever the place
-    :math:`x_0` of the angle within a count is. A shaft that swings turns back at the same place each time, and is off
-    by the same. `variance` is that of the jitter from sample to sample [rad2].
+    :math:`x_0` of the angle within a count is. Where steps come `slowly`, as where a shaft turns back, it is the same
+    each time at the same place. Where a speed is held each wave is a line: in the band, or where the low-pass of the
+    rows falls steeply, so that noise of the same power in the band is far less there. `variance` is that of the jitter
+    from sample to sample [rad2].
     """
-    if not slowly.any():
-        return np.zeros((len(smooth) - len(curved) + 1, 0))
     waves = []
     for k in TURNING_WAVES:
         turn = REVOLUTION * k / count
         size = count / (np.sqrt(2.0) * np.pi * k) * np.exp(-0.5 * variance * turn**2)
-        wave = fftconvolve(size * slowly * np.exp(1j * turn * smooth), curved, "valid")
-        waves += [wave.real, wave.imag]
-    return np.stack(waves, 1)
+        where = np.maximum(slowly, _folded(smooth, count, rate, k))
+        if where.any():
+            wave = fftconvolve(size * where * np.exp(1j * turn * smooth), curved, "valid")
+            waves += [wave.real, wave.imag]
+    return np.stack(waves, 1) if waves else np.zeros((len(smooth) - len(curved) + 1, 0))

@@ -116,25 +116,36 @@ def test_steps_are_told_as_large_as_they_are_where_a_shaft_turns_back_and_where_
     assert np.all(begun[1] > 1.5 * held[1])  # what one figure for the whole run cannot tell
 
 
+def _beyond_directions(speed: Array, rng: np.random.Generator) -> tuple[float, float, Array]:
+    """Squares of what steps are off that their directions leave, of all where they are, and the size along two."""
+    true = np.cumsum(speed) / RATE + rng.uniform() * COUNT
+    read = COUNT * np.floor(true / COUNT)
+    course = smooth(_run(WHITE * rng.standard_normal(len(true)), read)).shafts.sun.angle_noise.course
+    off = fftconvolve(read - true + 0.5 * COUNT, _weights(), "same")
+    waves, seen = course.turning, np.interp(course.time, _seconds(20.0), off)
+    power = np.sum(waves**2, axis=1)
+    near = power > 0.1 * power.max()
+    white = 0.1 * np.mean(power[near])
+    size = np.linalg.solve(waves.T @ waves / white + np.eye(waves.shape[1]), waves.T @ seen / white)
+    return float(np.sum((seen - waves @ size)[near] ** 2)), float(np.sum(seen[near] ** 2)), size[:2]
+
+
 def test_steps_are_off_by_the_same_each_time_that_a_shaft_turns_back() -> None:
     """A swing that comes back to the same place: a few waves of the size that is told hold next to all of it."""
-    rng, time, curved = np.random.default_rng(16), _seconds(20.0), _weights()
-    left, whole, sizes = 0.0, 0.0, []
-    for _ in range(24):
-        swung = rng.uniform(1.3, 2.6) * np.sin(2.0 * np.pi * time / 4.0 + 1.0)
-        true = np.cumsum(swung) / RATE + rng.uniform() * COUNT
-        read = COUNT * np.floor(true / COUNT)
-        course = smooth(_run(WHITE * rng.standard_normal(len(true)), read)).shafts.sun.angle_noise.course
-        off = fftconvolve(read - true + 0.5 * COUNT, curved, "same")
-        waves, seen = course.turning, np.interp(course.time, time, off)
-        power = np.sum(waves**2, axis=1)
-        near = power > 0.1 * power.max()
-        white = 0.1 * np.mean(power[near])
-        size = np.linalg.solve(waves.T @ waves / white + np.eye(waves.shape[1]), waves.T @ seen / white)
-        left += float(np.sum((seen - waves @ size)[near] ** 2))
-        whole += float(np.sum(seen[near] ** 2))
-        sizes.append(size[:2])
-    assert left < 0.05 * whole
+    rng, time = np.random.default_rng(16), _seconds(20.0)
+    swings = (rng.uniform(1.3, 2.6) * np.sin(2.0 * np.pi * time / 4.0 + 1.0) for _ in range(24))
+    left, whole, sizes = zip(*(_beyond_directions(swung, rng) for swung in swings), strict=True)
+    assert sum(left) < 0.05 * sum(whole)
+    assert 0.6 < np.mean(np.square(sizes)) < 1.5
+
+
+def test_steps_that_a_held_speed_folds_to_where_the_low_pass_falls_have_directions_of_their_own() -> None:
+    """A line of 30 to 37 Hz, with a ramp up to the speed and down again: as noise of the band it would be far less."""
+    rng, time = np.random.default_rng(17), _seconds(20.0)
+    held = np.clip(np.minimum(time, 20.0 - time) / 4.0, 0.0, 1.0)
+    speeds = ((k + 5) * RATE * COUNT + rng.choice([-1.0, 1.0]) * rng.uniform(30.0, 37.0) * COUNT for k in range(24))
+    left, whole, sizes = zip(*(_beyond_directions(speed * held, rng) for speed in speeds), strict=True)
+    assert sum(left) < 0.1 * sum(whole)
     assert 0.6 < np.mean(np.square(sizes)) < 1.5
 
 
