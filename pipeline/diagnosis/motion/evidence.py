@@ -170,9 +170,9 @@ def motion_evidence(
     looked, swinging = _looked_for(parts, stacked)
     searched = (block < turning) | (block == len(parts))
     left = np.concatenate([*(part.left for part in parts), off])[searched]
-    spanned, heard = np.hstack([columns, *looked.values()]), _together(tried, terms, lambda t: t.hears is not None)
-    shown, whole = (scatter_beyond(left, of[searched]) for of in (np.hstack([spanned, heard]), spanned))
-    scatter, aside = max(shown, 1.0), _together(tried, terms, lambda t: t.hears is not None or t.comes_late)
+    spanned, aside = np.hstack([columns, *looked.values()]), _of_transducers(tried, terms)
+    shown, whole = (scatter_beyond(left, of[searched]) for of in (np.hstack([spanned, aside]), spanned))
+    scatter = max(shown, 1.0)
     rough = (math.sqrt(max(part.unexplained, 1.0)) if k >= turning else 1.0 for k, part in enumerate(parts))
     unit = 1.0 / np.array([*(scatter * each for each in rough), 1.0])[block]
     y, columns = unit * y, unit[:, None] * columns
@@ -224,11 +224,9 @@ def _off_sheet(sheet: DataSheet, rows: int) -> dict[Family, Array]:
     return {Family("both", OFF_SHEET, n): spreads[n] * sheet.columns_of(of, rows) for n, of in OF_SHEET.items()}
 
 
-def _together(
-    tried: Callable[[MotionTerm], Array], terms: tuple[MotionTerm, ...], which: Callable[[MotionTerm], bool]
-) -> Array:
-    """The columns (m, k) of some of the terms."""
-    return np.hstack([tried(term) for term in terms if which(term)])
+def _of_transducers(tried: Callable[[MotionTerm], Array], terms: tuple[MotionTerm, ...]) -> Array:
+    """The columns (m, k) of faults of transducers: of gains, of lags and delays, which hold the noise of a torque."""
+    return np.hstack([tried(term) for term in terms if term.hears is not None or term.comes_late])
 
 
 def _tabled(

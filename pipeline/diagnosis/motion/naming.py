@@ -155,8 +155,11 @@ def _left_by(fits: tuple[TermFit, ...], about: MotionEvidence) -> float:
 
 
 def _elsewhere(before: tuple[TermFit, ...], after: tuple[TermFit, ...]) -> bool:
-    """Whether others lead than before, or on another shaft, or the same delay or lag with a time far from before."""
-    if not _same(before, after):
+    """Whether others lead than before, or on another shaft, or the same delay or lag with a time far from before.
+
+    The expansion of a short lag is beside a skew that takes up a part of it, so that a whole one is another.
+    """
+    if not _same(before, after) or sum(fit.candidate.whole for fit in after) > sum(f.candidate.whole for f in before):
         return True
     known = {fit.candidate: fit.shape for fit in before if fit.candidate.whole}
     times = [(known[fit.candidate], fit.shape) for fit in after if fit.candidate in known]
