@@ -12,9 +12,10 @@ from scipy.signal import csd, fftconvolve, welch
 
 from pmg.pipeline.motion.quantisation import (
     QUANTISED_PIECE,
+    folded_waves,
     quantisation_on_average,
     slowly_counted,
-    turning_directions,
+    step_directions,
 )
 from pmg.sim.signals import REVOLUTION
 
@@ -57,15 +58,16 @@ class NoiseCourse:
         Instants [s].
     curvature, value : (q,) array
         Of the second derivative, and of the angle itself.
-    turning : (q, w) array
-        Directions of what steps are off in the second derivative where the shaft turns back, each as long as its
-        standard deviation [rad/s2]: the same each time at the same place, so that no other noise holds it.
+    ordered : (q, w) array
+        Directions of what steps are off in the second derivative where they follow an order, each as long as its
+        standard deviation [rad/s2]: where the shaft turns back, the same each time at the same place, and where a
+        speed is held that makes them a line at the edge of the band. No other noise holds it.
     """
 
     time: Array
     curvature: Array
     value: Array
-    turning: Array
+    ordered: Array
 
 
 EVEN = NoiseCourse(np.zeros(1), np.ones(1), np.ones(1), np.zeros((1, 0)))
@@ -174,9 +176,10 @@ def angle_noise(
     at = [beside(jitter, np.maximum(uniform_filter1d(power, over), LEAST * even)) for power in (inside, of_value)]
     density, of_angle = (float(np.mean(power)) for power in at)
     curvature, value = (np.sqrt(power[::every] / np.mean(power)) for power in at)
-    turning = turning_directions(smooth, count, rate, jitter * 0.5 * rate, slowly, curved)[::every]
+    folded = folded_waves(smooth, count, rate, slowly)
+    ordered = step_directions(smooth, count, jitter * 0.5 * rate, slowly, folded, curved)[::every]
     time = (began + len(curved) // 2 + every * np.arange(len(curvature))) / rate
-    return AngleNoise(density, of_angle, quantisation, NoiseCourse(time, curvature, value, turning))
+    return AngleNoise(density, of_angle, quantisation, NoiseCourse(time, curvature, value, ordered))
 
 
 def _quick_power(values: Array, rate: float) -> Array:

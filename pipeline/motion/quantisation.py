@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import fftconvolve
 
 from pmg.sim.signals import REVOLUTION
@@ -23,13 +23,15 @@ FINEST = 40
 QUANTISED_LEAST = 9.0
 """Square of the mean of a wave of the steps, over that of steps without order, from which on it counts: one in 8000."""
 
-TURNING, TURNING_WAVES = 45.0, (1, 2, 3)
+IN_ROWS, WAVES_TAKEN = 45.0, (1, 2, 3)
 """Frequency [Hz] up to which waves of the steps come into the rows, as where a shaft turns back: beyond it is the stop
 band of their low-pass of 28 Hz; and waves of the steps that are taken."""
 
+IN_BAND = 24.0
+"""Frequency [Hz] up to which a line of a held speed is as large in the rows as noise of the same power in the band."""
 
 HELD = 0.2
-"""Time for which a wave of quick steps, as samples show it, must stay below that frequency [s]."""
+"""Time for which a wave of quick steps, as samples show it, must stay between both [s]."""
 
 
 @dataclass(frozen=True)
@@ -82,33 +84,39 @@ def quantisation_on_average(
 
 def slowly_counted(smooth: Array, count: float, rate: float) -> Array:
     """1 where the steps of a smooth angle (n,) come one by one, and 0 where they come twice as fast or faster (n,)."""
-    return np.clip(2.0 - np.abs(np.gradient(smooth)) * rate / (TURNING * count), 0.0, 1.0)
+    return np.clip(2.0 - np.abs(np.gradient(smooth)) * rate / (IN_ROWS * count), 0.0, 1.0)
 
 
-def _folded(smooth: Array, count: float, rate: float, wave: int) -> Array:
-    """1 where a wave of the steps of a smooth angle (n,) folds to `TURNING` or less for `HELD`, or else 0 (n,)."""
-    waves = wave / count * np.gradient(smooth)
-    most = maximum_filter1d(np.abs(waves - np.round(waves)) * rate, max(round(HELD * rate), 1))
-    return np.clip(2.0 - most / TURNING, 0.0, 1.0)
+def folded_waves(smooth: Array, count: float, rate: float, slowly: Array) -> Array:
+    """Parts (w, n) of the first waves of quick steps that are lines at the edge of the band, as a speed is held.
+
+    1 where a wave folds to between `IN_BAND` and `IN_ROWS` for as long as `HELD`, 0 from half and twice that on, and
+    where steps come `slowly`.
+    """
+    passed, samples, found = np.gradient(smooth) / count, max(round(HELD * rate), 1), []
+    for k in WAVES_TAKEN:
+        at = np.abs(k * passed - np.round(k * passed)) * rate
+        below = 2.0 - maximum_filter1d(at, samples) / IN_ROWS
+        above = 2.0 * minimum_filter1d(at, samples) / IN_BAND - 1.0
+        found.append((1.0 - slowly) * np.clip(np.minimum(below, above), 0.0, 1.0))
+    return np.stack(found)
 
 
-def turning_directions(
-    smooth: Array, count: float, rate: float, variance: float, slowly: Array, curved: Array
-) -> Array:
+def step_directions(smooth: Array, count: float, variance: float, slowly: Array, folded: Array, curved: Array) -> Array:
     r"""What steps are off in the second derivative where they follow an order: directions (m, w) [rad/s2].
 
     The error is :math:`\sum_k c/(\pi k) \sin(2\pi k (x + x_0)/c)`, a sum of two waves for each k whatever the place
     :math:`x_0` of the angle within a count is. Where steps come `slowly`, as where a shaft turns back, it is the same
-    each time at the same place. Where a speed is held each wave is a line: in the band, or where the low-pass of the
-    rows falls steeply, so that noise of the same power in the band is far less there. `variance` is that of the jitter
-    from sample to sample [rad2].
+    each time at the same place. Where a speed is held a wave is a line, and one that is `folded` to where the low-pass
+    of the rows falls steeply is not what noise of the same power in the band would be there. `variance` is that of the
+    jitter from sample to sample [rad2]. The density of the noise holds such a line as well, which makes it larger by as
+    much while the speed is held.
     """
     waves = []
-    for k in TURNING_WAVES:
-        turn = REVOLUTION * k / count
-        size = count / (np.sqrt(2.0) * np.pi * k) * np.exp(-0.5 * variance * turn**2)
-        where = np.maximum(slowly, _folded(smooth, count, rate, k))
-        if where.any():
-            wave = fftconvolve(size * where * np.exp(1j * turn * smooth), curved, "valid")
+    for k, part in zip(WAVES_TAKEN, slowly + folded, strict=True):
+        if part.any():
+            turn = REVOLUTION * k / count
+            size = count / (np.sqrt(2.0) * np.pi * k) * np.exp(-0.5 * variance * turn**2)
+            wave = fftconvolve(size * part * np.exp(1j * turn * smooth), curved, "valid")
             waves += [wave.real, wave.imag]
     return np.stack(waves, 1) if waves else np.zeros((len(smooth) - len(curved) + 1, 0))

@@ -166,6 +166,8 @@ def test_a_delay_is_held_against_a_lag_on_rows_of_its_own(
         (("torque_gain_error/sun/", math.nan), ("torque_gain_error/sun/curved", math.nan), False),
         (("transducer_bandwidth/sun/", math.nan), ("transducer_bandwidth/sun/second order", 0.02), True),
         (("transducer_bandwidth/sun/second order", 0.02), ("transducer_bandwidth/sun/", math.nan), False),
+        (("transducer_bandwidth/sun/second order, short", 8e-3), ("transducer_bandwidth/sun/second order", 8e-3), True),
+        (("channel_delay/sun/", 0.02), ("channel_delay/sun/held", 5e-3), True),
     ],
 )
 def test_rows_are_made_straight_again_where_another_cause_or_another_time_leads(
@@ -185,6 +187,8 @@ def test_rows_are_made_straight_again_where_another_cause_or_another_time_leads(
         ("abA", (9, 5), "b1"),  # given up with the second turn, as what leads then explains less
         ("abab", (9, 5, 8), "b1"),
         ("ABaB", (9, 5, 8), "a2"),
+        ("ABAb", (9, 5, 8), "b3"),
+        ("aBCA", (9, 5, 8), "a0"),
         ("abca", (3, 5, 8), "a0"),
     ],
 )

@@ -100,7 +100,7 @@ class MotionEvidence:
     scatter : float
         Standard deviation of the rows about everything that is looked for, and about the faults of transducers whose
         columns hold their noise, in units of the noise that sensors make; 1 at least. Rows are in units of it.
-    floor : float
+    withheld_scatter : float
         The same with what those faults' columns hold of noise, in units of `scatter`: what rows have beside a cause.
     noise : tuple of RowNoise
         Of each stretch.
@@ -119,7 +119,7 @@ class MotionEvidence:
     swinging: dict[str, Array]
     y: Array
     scatter: float
-    floor: float
+    withheld_scatter: float
     noise: tuple[RowNoise, ...]
     of_wander: tuple[Array, ...]
 
@@ -170,7 +170,7 @@ def motion_evidence(
     looked, swinging = _looked_for(parts, stacked)
     searched = (block < turning) | (block == len(parts))
     left = np.concatenate([*(part.left for part in parts), off])[searched]
-    spanned, aside = np.hstack([columns, *looked.values()]), _of_transducers(tried, terms)
+    spanned, aside = np.hstack([columns, *looked.values()]), _of_transducers(columns[:, :0], tried, terms)
     shown, whole = (scatter_beyond(left, of[searched]) for of in (np.hstack([spanned, aside]), spanned))
     scatter = max(shown, 1.0)
     rough = (math.sqrt(max(part.unexplained, 1.0)) if k >= turning else 1.0 for k, part in enumerate(parts))
@@ -207,7 +207,7 @@ def motion_evidence(
         swinging=swinging,
         y=y,
         scatter=scatter,
-        floor=whole / scatter,
+        withheld_scatter=whole / scatter,
         noise=tuple(noise),
         of_wander=tuple(part.of_wander for part in parts),
     )
@@ -224,9 +224,9 @@ def _off_sheet(sheet: DataSheet, rows: int) -> dict[Family, Array]:
     return {Family("both", OFF_SHEET, n): spreads[n] * sheet.columns_of(of, rows) for n, of in OF_SHEET.items()}
 
 
-def _of_transducers(tried: Callable[[MotionTerm], Array], terms: tuple[MotionTerm, ...]) -> Array:
+def _of_transducers(none: Array, tried: Callable[[MotionTerm], Array], terms: tuple[MotionTerm, ...]) -> Array:
     """The columns (m, k) of faults of transducers: of gains, of lags and delays, which hold the noise of a torque."""
-    return np.hstack([tried(term) for term in terms if term.hears is not None or term.comes_late])
+    return np.hstack([none, *(tried(term) for term in terms if term.hears is not None or term.comes_late)])
 
 
 def _tabled(

@@ -96,7 +96,9 @@ def name_causes(
         if led[:-1] and search[-1].explained and not naming.explained:
             break
     if naming.best.fits and not (settled or (naming.explained and _same(best.fits, naming.best.fits))):
-        _, (found, meant, naming) = min(led, key=lambda each: (not each[1][2].explained, each[0]))
+        explaining = [each for each in led if each[1][2].explained]
+        if explaining or not naming.explained:
+            _, (found, meant, naming) = min(explaining or led, key=lambda each: each[0])
     found, meant, naming = _against_other_lateness((found, meant, naming), before, noise, rng)
     naming = with_free_laws(naming, meant.problem, MotionCatalogue(), adequacy_test(meant.evidence))
     naming = with_late_look_alikes(without_held(with_look_alikes(naming, meant.problem)), meant.problem)
@@ -155,15 +157,21 @@ def _left_by(fits: tuple[TermFit, ...], about: MotionEvidence) -> float:
 
 
 def _elsewhere(before: tuple[TermFit, ...], after: tuple[TermFit, ...]) -> bool:
-    """Whether others lead than before, or on another shaft, or the same delay or lag with a time far from before.
+    """Whether others lead than before, or on another shaft, or a delay or lag with a time far from before.
 
-    The expansion of a short lag is beside a skew that takes up a part of it, so that a whole one is another.
+    The expansion of a short lag is beside a skew that takes up a part of it, so that a lag of any size is another.
     """
-    if not _same(before, after) or sum(fit.candidate.whole for fit in after) > sum(f.candidate.whole for f in before):
+    if not _same(before, after):
         return True
-    known = {fit.candidate: fit.shape for fit in before if fit.candidate.whole}
-    times = [(known[fit.candidate], fit.shape) for fit in after if fit.candidate in known]
-    return any(max(one, other) > MOVED * min(one, other) for one, other in times)
+    known, now = _exact(before), _exact(after)
+    moved = (max(known[key], now[key]) > MOVED * min(known[key], now[key]) for key in known.keys() & now.keys())
+    return bool(now.keys() - known.keys()) or any(moved)
+
+
+def _exact(fits: tuple[TermFit, ...]) -> dict[tuple[str, str], float]:
+    """Times of the delays and lags whose law is no expansion, by mechanism and place."""
+    exact = (fit for fit in fits if fit.candidate.whole and not cast("MotionTerm", fit.candidate).between)
+    return {(fit.identifier, fit.place): fit.shape for fit in exact}
 
 
 def _same(one: tuple[TermFit, ...], other: tuple[TermFit, ...]) -> bool:

@@ -156,8 +156,8 @@ def _of_noises(run: SmoothRun) -> dict[tuple[int, int], Array]:
     found = {}
     for k, shaft in enumerate(run.shafts[side] for side in SIDES):
         noise, course = shaft.angle_noise, shaft.angle_noise.course
-        turning = np.interp(run.time, course.time, np.sum(course.turning**2, axis=1), left=0.0, right=0.0)
-        as_white = turning / (0.5 * run.run.rate * float(curvature @ curvature))
+        ordered = np.interp(run.time, course.time, np.sum(course.ordered**2, axis=1), left=0.0, right=0.0)
+        as_white = ordered / (0.5 * run.run.rate * float(curvature @ curvature))
         found[k, k] = np.full(len(run.time), unit * shaft.density)
         found[2 + k, 2 + k] = unit * (noise.density_at(run.time) + as_white)
     most = MOST_COMMON * np.sqrt(found[2, 2] * found[3, 3])

@@ -163,7 +163,7 @@ def _withheld(found: MotionEvidence, fits: tuple[TermFit, ...], folds: list[int]
         of_sheet=found.of_sheet,
         held=(found.block >= len(found.baseline.stretches)) & ~found.of_sheet,
         sheet=sheet,
-        scale=np.where(found.of_sheet, 1.0, max(found.floor, QUIETEST)),
+        scale=np.where(found.of_sheet, 1.0, max(found.withheld_scatter, QUIETEST)),
         block=found.block,
         fold=fold,
         groups=[np.flatnonzero(found.block == k) for k in np.unique(found.block)],

@@ -86,7 +86,7 @@ class RowNoise:
     slow_noise : SlowNoise
         Of which wander and ripple are.
     quantisation : (n, h) array
-        Directions of what steps of the encoders are off on average, and where a shaft turns back, each as long as its
+        Directions of what steps of the encoders are off on average, and where they follow an order, each as long as its
         standard deviation [N m].
     knots : (q,) array
         Instants from which to which its wander goes straight [s since 1970].
@@ -128,8 +128,8 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     A row is a filtered sum of white sequences: that of its transducer, and the quantisation of the encoders through
     inertia and the stiffness of the magnetic spring, with the density that either has. Its correlation ends where the
     filters do, so that the covariance of any rows is banded. Steps of an encoder make more noise while the speed
-    changes than while one is held, so that the size of each source goes with time; what they are off where a shaft
-    turns back is the same at the same place, and has directions of its own.
+    changes than while one is held, so that the size of each source goes with time; what they are off where they follow
+    an order, as where a shaft turns back, has directions of its own.
     """
     stretch, sheet = baseline.stretches[place], baseline.sheet
     run, side = stretch.run, stretch.side
@@ -141,7 +141,7 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
             off = _quantisation_spread(stretch, run.shafts[of].angle_noise.quantisation)
             quantisation.append(spring * sheet.poles[of] * off)
     if not stretch.at_rest:
-        quantisation.append(inertia * _where_it_turns(stretch))
+        quantisation.append(inertia * _ordered_steps(stretch))
     by_row = filtered_noise(stretch, inertia, sheet.poles.map(lambda poles: spring * poles))
     banded = banded_rows(by_row, stretch.rows)
     floor = max(FLOOR * _least_density(np.mean(by_row[stretch.rows], axis=0), run.row_rate), QUIETEST**2)
@@ -188,11 +188,11 @@ def _quantisation_spread(stretch: RotorRows, error: QuantisationError) -> Array:
     return np.asarray((hats * error.spread[acting]) @ root)
 
 
-def _where_it_turns(stretch: RotorRows) -> Array:
-    """Directions (n, w) of what steps are off in the acceleration where the shaft turns back [rad/s2]."""
+def _ordered_steps(stretch: RotorRows) -> Array:
+    """Directions (n, w) of what steps are off in the acceleration where they follow an order [rad/s2]."""
     course, time = stretch.shaft.angle_noise.course, stretch.run.row_time[stretch.rows]
-    found = np.zeros((len(time), course.turning.shape[1]))
-    for k, wave in enumerate(course.turning.T):
+    found = np.zeros((len(time), course.ordered.shape[1]))
+    for k, wave in enumerate(course.ordered.T):
         found[:, k] = np.interp(time, course.time, wave, left=0.0, right=0.0)
     return found
 
