@@ -211,14 +211,14 @@ def _fitted_anew(noise: SerialNoise, rows: Array) -> SerialNoise:
 
 def _in_bands(noise: SerialNoise, rows: Array) -> NoiseModel:
     """How much of it each band of the whitened rows (n - p, k + 1) holds."""
-    basis, left = whitened_rows(noise, rows)
+    basis, left = _whitened(noise, rows)
     bands = Bands.of(basis)
     return _levelled(noise, bands, bands.power(left))
 
 
 def _in_gaps(noise: SerialNoise, rows: Array) -> NoiseModel:
     """The same by the rows without noise of their own: by what each band would leave there of what is seen."""
-    basis, left = whitened_rows(noise, rows)
+    basis, left = _whitened(noise, rows)
     bands, plain = Bands.of(basis), _plain(noise.spread)[noise.lags :, None]
     spectrum = np.fft.rfft(np.random.default_rng(SEED).standard_normal((bands.rows, DRAWN)), axis=0)
     leaves, every = np.zeros((len(bands.free), len(bands.free))), np.zeros((len(basis), DRAWN))
@@ -246,7 +246,7 @@ def _plain(spread: Array) -> Mask:
     return np.asarray(found if found.any() else spread <= np.median(spread))
 
 
-def whitened_rows(noise: SerialNoise, rows: Array) -> tuple[Array, Array]:
+def _whitened(noise: SerialNoise, rows: Array) -> tuple[Array, Array]:
     """Orthonormal basis of whitened structure (n - p, k), and what it leaves of the whitened residual (n - p,)."""
     white = noise.whiten(rows)
     return freed(white[:, :-1], white[:, -1])
@@ -281,7 +281,7 @@ def _following(noise: SerialNoise, found: NoiseModel) -> SerialNoise:
 
 def _parts_of_own(found: NoiseModel, rows: Array, own: Array) -> Array:
     """What rows (n,) have of their own as part of the bound on it: by how much those of about as much scatter more."""
-    basis, left = whitened_rows(found.noise, rows)
+    basis, left = _whitened(found.noise, rows)
     rng, spread = np.random.default_rng(SEED), found.noise.spread
     shared = found.noise.whitened(found.bands.draw(found.power, DRAWN, rng))
     of_own = found.noise.whiten(own[:, None] * rng.standard_normal((len(own), DRAWN)))

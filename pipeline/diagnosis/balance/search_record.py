@@ -152,8 +152,7 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
     tables, found = coarse, None
     named: tuple[TermFit, ...] = ()
     fitted: tuple[SetTerm, ...] = ()
-    noise = noise_of(recorded.force, structured, recorded.breaks[1:], recorded.own_noise)
-    hum = hum_beside(recorded, noise.noise, structured, case.prepare.low_pass_hz)
+    hum = hum_beside(recorded, structured, case.prepare.low_pass_hz)
     looked = (*looked, *hum)
     structured = np.hstack([structured, *(family.columns for family in hum)])
     for turn in range(SEARCHES):
@@ -165,8 +164,7 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
         if named:
             structured = np.hstack([structured, design_of(given, (), named)])
             recorded, _ = for_search(given, free, named)
-        if turn > 0 or hum:
-            noise = noise_of(recorded.force, structured, recorded.breaks[1:], recorded.own_noise)
+        noise = noise_of(recorded.force, structured, recorded.breaks[1:], recorded.own_noise)
         null = noise.whitened_draws(DRAWS, rng)
         problem = _with_second(term_problem(recorded, tables, noise.noise, plain), case)
         evidence = record_evidence(noise, problem, looked, null)

@@ -1,4 +1,4 @@
-"""Lines in a spectrum: power at a frequency over what its neighbours have."""
+"""Lines in a spectrum: power at a frequency over that of its neighbours; rows where orders of a turn make none."""
 
 from __future__ import annotations
 
