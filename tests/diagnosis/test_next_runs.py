@@ -19,6 +19,7 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion import naming
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue
+from pmg.pipeline.diagnosis.motion.compressed import scatter_beyond
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.design.foresight import Foresight
 from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun, merged
@@ -26,7 +27,7 @@ from pmg.pipeline.diagnosis.motion.design.proposals import Proposal, proposals
 from pmg.pipeline.diagnosis.motion.design.proposed_run import ProposedRun, Reference, Swing, with_runs
 from pmg.pipeline.diagnosis.motion.design.unseen import smallest_told, unseen
 from pmg.pipeline.diagnosis.motion.document import motion_document
-from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence, motion_evidence
+from pmg.pipeline.diagnosis.motion.evidence import OFF_SHEET, MotionEvidence, motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import fit_constants
 from pmg.pipeline.diagnosis.motion.noise.row_noise import SlowNoise
 from pmg.pipeline.recording.run_records import Manoeuvre
@@ -78,6 +79,21 @@ def _evidence(kept: tuple[int, ...]) -> MotionEvidence:
     runs = tuple(run for k, run in enumerate(_campaign(24)) if k in kept)
     before, _, noise = fit_constants(runs, load_bench())
     return motion_evidence(before, noise, library(), np.random.default_rng(0))
+
+
+def test_rows_are_in_units_of_their_scatter_beside_faults_of_transducers_and_withheld_ones_hold_what_these_do(
+    forward: MotionEvidence,
+) -> None:
+    """Columns of gains and lags hold noise of the torque that they are made of: it is there in withheld rows."""
+    families = zip(forward.families, forward.evidence.families, strict=True)
+    looked = np.hstack([forward.columns, *(each for family, each in families if family.configuration != OFF_SHEET)])
+    searched = (forward.block < len(forward.baseline.stretches)) | forward.of_sheet
+    assert forward.evidence.aside is not None
+    whole = np.hstack([looked, forward.evidence.aside])
+    seen, withheld = (scatter_beyond(forward.y[searched], columns[searched]) for columns in (whole, looked))
+    assert seen == pytest.approx(1.0, abs=0.02) if forward.scatter > 1.0 else seen <= 1.0
+    assert withheld == pytest.approx(forward.withheld_scatter, rel=0.02)
+    assert withheld > seen
 
 
 def test_a_run_that_was_not_made_has_the_torque_of_the_constants_and_the_speed_that_is_asked_for(
