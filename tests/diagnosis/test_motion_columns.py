@@ -310,3 +310,17 @@ def test_a_fit_that_starts_far_off_does_not_turn_the_magnetic_spring_around(
     )
     for name in ("pull_out", "inertia_sun", "inertia_ring"):
         assert found.values[sheet.at(name)] == pytest.approx(expected.values[sheet.at(name)], rel=1e-3)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-158, 1e-9])
+def test_directions_that_jitter_blurs_away_change_nothing(
+    size: float, baseline: MotionBaseline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their products are below the smallest number: singular values of a matrix with such columns are not found."""
+    place = next(k for k, stretch in enumerate(baseline.stretches) if not stretch.at_rest)
+    rng, ones = np.random.default_rng(1), np.ones((len(baseline.stretches[place]), 1))
+    monkeypatch.setattr("pmg.pipeline.diagnosis.motion.noise.row_noise._ordered_steps", lambda _: 0.0 * ones)
+    without = row_noise(baseline, place)
+    blurred = size * rng.standard_normal((len(ones), 4))
+    monkeypatch.setattr("pmg.pipeline.diagnosis.motion.noise.row_noise._ordered_steps", lambda _: blurred)
+    np.testing.assert_allclose(row_noise(baseline, place).white(ones), without.white(ones), rtol=1e-6, atol=1e-9)

@@ -71,7 +71,8 @@ def adequacy_test(evidence: Evidence) -> AdequacyTest:
     Notes
     -----
     The excess is the sum of squares along all families at once, less its expectation, in units of the variance of what
-    follows none of them.
+    follows none of them, columns that are set aside included: over hundreds of directions a variance that is a little
+    too small would make much of it.
     """
 
     def remainder(problem: WhitenedProblem[Any]) -> Remainder:
@@ -92,8 +93,8 @@ def _excess(scan: Scan, white: Array) -> Array:
     """
     left = white - scan.baseline @ (scan.baseline.T @ white)
     along = scan.everything.T @ left
-    rest = scan.rest(left)
-    dof = max(len(white) - scan.everything.shape[1] - scan.beyond.shape[1], 1)
+    rest = left - scan.everything @ along
+    dof = max(len(white) - scan.everything.shape[1], 1)
     dimensions = scan.everything.shape[1] - scan.baseline.shape[1]
     variance = np.maximum(np.sum(rest**2, axis=0) / dof, 1e-12)
     largest = np.zeros(white.shape[1])

@@ -39,6 +39,9 @@ QUIETEST = 1e-5
 """Least standard deviation of the white part [N m]: a channel that shows one value all the time has no noise to see."""
 
 
+UNSEEN = 1e-6
+"""Length of a direction, in units of the noise, up to which it holds nothing: as of steps that jitter blurs."""
+
 REACTION = 0.05
 """Standard deviation of the torque at which a held shaft rests [N m]; it stays while the other shaft turns."""
 
@@ -149,6 +152,7 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     factor = BandedFactor.of(cholesky_banded(banded, lower=True, check_finite=False))
     knots, lines = _lines(stretch, slow_noise.wander[side])
     white = factor.solved(np.hstack([slow_spread(stretch, slow_noise), *quantisation]))
+    white = white[:, np.linalg.norm(white, axis=0) > UNSEEN]
     slow, size, _ = np.linalg.svd(white, full_matrices=False)
     shrunk = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
     return RowNoise(factor, slow, shrunk, floor, side, slow_noise, np.hstack(quantisation), knots, lines)
