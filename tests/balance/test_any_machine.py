@@ -217,6 +217,7 @@ def spinning(speed: float, seconds: float, rate: float, order: float) -> Recorde
 
 
 @given(st.floats(1.0, 3000.0), st.floats(5.0, 60.0))
+@slow
 def test_periods_are_as_many_as_memory_bears_and_samples_show(speed: float, seconds: float) -> None:
     recorded = spinning(speed, seconds, 1000.0, 3.0)
     found = periods(recorded, ROTARY.periods)
@@ -234,6 +235,7 @@ def test_an_order_of_a_turn_is_among_the_periods_of_a_long_travel(order: float) 
     assert nearest < 0.2 / (recorded.motion.position[-1] / (2.0 * np.pi)), "within a fifth of a cycle over the travel"
 
 
+@slow
 def test_cogging_that_passes_the_filter_only_where_a_machine_is_slow_is_named(tmp_path: Path) -> None:
     """Forty waves a turn are faster than the low-pass of 40 Hz for most of the time."""
     period = 2.0 * np.pi / 40.0

@@ -10,16 +10,19 @@ import pytest
 from scipy.signal import lfilter
 from tests.balance.reading import read_one
 from tests.balance.slide import make_case, plain
+from tests.slow import slow
 
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.records import hum
-from pmg.pipeline.diagnosis.balance.records.hum import _hum_in
+from pmg.pipeline.diagnosis.balance.records.hum import _hum_in, hum_beside
 from pmg.pipeline.diagnosis.balance.search_record import search_record
 from pmg.pipeline.diagnosis.engine.spectral_line import swept
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+
+    from tests.balance.slide import Moving
 
     from pmg.sim.signals import Array
 
@@ -93,6 +96,23 @@ def test_rows_of_a_kept_speed_are_told_from_others() -> None:
     assert not moving[530:].any()
 
 
+def test_the_waves_of_a_hum_hold_it(tmp_path: Path) -> None:
+    def shaken(m: Moving) -> Array:
+        return plain(m) + 6.0 * np.sin(2.0 * math.pi * 5.3 * m.t)
+
+    case = read_case(make_case(tmp_path, shaken, 3, seconds=30.0))
+    recorded = read_one(case.fit[0], case)
+    m = recorded.motion
+    moved = recorded.thin(np.stack([m.position, m.speed, m.acceleration, np.ones_like(m.speed)], 1))
+    (found,) = hum_beside(recorded, moved, case.prepare.low_pass_hz)
+    assert found.covariates == ("frequency of 5.3 Hz",)
+    beside = np.hstack([moved, found.columns])
+    size = np.linalg.lstsq(beside, recorded.force, rcond=None)[0][-2:]
+    assert np.hypot(*size) == pytest.approx(6.0, rel=0.1)
+    assert hum_beside(recorded, beside, case.prepare.low_pass_hz) == ()
+
+
+@slow
 def test_a_hum_is_where_the_force_of_a_slide_differs_and_no_term_explains_it(tmp_path: Path) -> None:
     case = read_case(make_case(tmp_path, lambda m: plain(m) + 6.0 * np.sin(2.0 * math.pi * 5.3 * m.t), 3, seconds=30.0))
     recorded = read_one(case.fit[0], case)

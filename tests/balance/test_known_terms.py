@@ -155,7 +155,8 @@ def wavy(m: Turning) -> Array:
 
 
 @pytest.mark.parametrize(
-    ("torque", "named"), [pytest.param(fading, "drive_fade", marks=slow), (wavy, "position_ripple")]
+    ("torque", "named"),
+    [pytest.param(fading, "drive_fade", marks=slow), pytest.param(wavy, "position_ripple", marks=slow)],
 )
 def test_a_size_that_goes_with_its_recordings_is_not_written_and_not_taken(
     tmp_path: Path, torque: Callable[[Turning], Array], named: str

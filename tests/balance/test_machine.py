@@ -86,10 +86,11 @@ def thinning(m: Geared) -> Array:
 @pytest.mark.parametrize(
     ("losses", "fault", "expected"),
     [
-        (
+        pytest.param(
             plain,
             lambda r: with_brake(r, lambda b: 1.356 * b),
             {frozenset({"input_torque_gain"}), frozenset({"output_torque_gain"})},
+            marks=slow,
         ),
         pytest.param(plain, lambda r: with_brake(r, late), {frozenset({"output_torque_lag"})}, marks=slow),
         pytest.param(plain, lambda r: with_motor(r, late), {frozenset({"input_torque_lag"})}, marks=slow),
@@ -208,6 +209,7 @@ def test_a_speed_that_is_not_the_slope_of_the_position_is_told(
 # --- several records ---------------------------------------------------------------------------------------
 
 
+@slow
 def test_recordings_with_zeros_of_their_own_are_fitted_together(tmp_path: Path) -> None:
     """Three recordings whose torque has another zero each: told as a mismatch when the zero is common, none else."""
     rng = np.random.default_rng(4)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from tests.balance.dry_drive import DryDrive, sweep, triangle, write_records
+from tests.slow import slow
 
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
@@ -52,6 +53,7 @@ def test_a_position_without_steps_or_with_blurred_ones_has_no_noise_of_them() ->
         assert not noise_of_steps(position, smoother.smooth(position), smoother).any()
 
 
+@slow
 def test_plain_dry_friction_that_sticks_at_reversals_is_no_mismatch(tmp_path: Path) -> None:
     """Friction is free; how long it holds the machine, and how a low-pass rounds off its kinks, no cause explains."""
     drive = DryDrive(1.1e-3, 8e-4, 6e-3, 0.0, 1.0, 4096, 3.2e-4, 0.06, 0.34)

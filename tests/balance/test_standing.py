@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from tests.balance.slide import RATE, Moving, make_case, plain
+from tests.slow import slow
 
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
@@ -71,6 +72,7 @@ def test_what_holds_a_machine_at_rest_is_no_friction(tmp_path: Path) -> None:
     assert any("stands for" in f.message for f in found.recorded.findings)
 
 
+@slow
 def test_friction_that_is_larger_at_low_speed_is_named_between_rests(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, bell, 4)
     assert found.verdict is Verdict.NAMED

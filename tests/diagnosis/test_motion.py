@@ -160,7 +160,7 @@ def smooth_of(run: MovingRun, torque: np.ndarray) -> np.ndarray:
 
 
 def test_a_sound_campaign_is_consistent_and_its_inertia_is_found() -> None:
-    found = diagnose_motion("sound", _campaign(11), load_bench(), np.random.default_rng(0))
+    found = diagnose_motion("sound", _campaign(13), load_bench(), np.random.default_rng(0))
     assert found.verdict is Verdict.CONSISTENT
     place = found.before.sheet.at("inertia_sun")
     assert abs(found.constants[place] - INERTIA) < 4.0 * found.errors[place] + 1e-3 * INERTIA

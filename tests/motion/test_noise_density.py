@@ -121,7 +121,7 @@ def test_steps_of_a_held_speed_are_told_and_at_most_twice(folds_to: float) -> No
     """Lines at the edge of the band are in the density and have directions besides."""
     rng, time = np.random.default_rng(18), _seconds(10.0)
     clear, sums = (time > 0.5) & (time < 9.5), np.zeros((2, 2))
-    for k in range(8):
+    for k in range(4):
         speed = np.full(len(time), ((k + 7) * RATE + folds_to) * COUNT)
         sums += np.array(_in_time(speed, rng))[:, :, clear].mean(axis=2)
     told, seen = sums
@@ -155,7 +155,7 @@ def test_steps_that_a_held_speed_folds_to_where_the_low_pass_falls_have_directio
     """A line of 30 to 37 Hz, with a ramp up to the speed and down again: as noise of the band it would be far less."""
     rng, time = np.random.default_rng(17), _seconds(20.0)
     held = np.clip(np.minimum(time, 20.0 - time) / 4.0, 0.0, 1.0)
-    speeds = ((k + 5) * RATE * COUNT + rng.choice([-1.0, 1.0]) * rng.uniform(30.0, 37.0) * COUNT for k in range(24))
+    speeds = ((k + 5) * RATE * COUNT + rng.choice([-1.0, 1.0]) * rng.uniform(30.0, 37.0) * COUNT for k in range(12))
     left, whole, sizes = zip(*(_beyond_directions(speed * held, rng) for speed in speeds), strict=True)
     assert sum(left) < 0.1 * sum(whole)
     assert 0.4 < np.mean(np.square(sizes)) < 1.5

@@ -88,7 +88,8 @@ def test_a_late_reading_within_a_regulated_loop_is_a_delay_and_nothing_else(
 
 
 @pytest.mark.parametrize(
-    ("number", "named"), [(34, {"dead_zone"}), pytest.param(65, {"dead_zone", "constant_offset"}, marks=slow)]
+    ("number", "named"),
+    [pytest.param(34, {"dead_zone"}, marks=slow), pytest.param(65, {"dead_zone", "constant_offset"}, marks=slow)],
 )
 def test_a_dead_zone_is_told_where_nobody_knows_when_exactly_the_command_changes_its_sense(
     tmp_path: Path, number: int, named: set[str]
