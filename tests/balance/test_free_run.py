@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.balance.test_known_terms import MACHINE, diagnosed, dragging, records, written
+from tests.slow import slow
 
 from pmg.pipeline.chapters.explained.free_run import _further_off, free_run_sections
 from pmg.pipeline.diagnosis.balance.free_run import free_run
@@ -124,6 +125,7 @@ def test_where_the_speed_alone_is_recorded_it_is_compared() -> None:
     assert found.error <= found.largest
 
 
+@slow
 def test_a_withheld_part_of_a_recording_has_a_curve_of_its_own(tmp_path: Path) -> None:
     """Fitted and withheld part are of other lengths; what no rule let through is tried, not named."""
     folder = records(tmp_path / "a", dragging, 4, names=("one.csv",))

@@ -117,6 +117,7 @@ def test_what_was_named_is_known_of_further_recordings(tmp_path: Path) -> None:
     assert not with_cause(f"model = {{ known = [] }}\n{braces}", anew)
 
 
+@slow
 def test_a_known_term_that_is_gone_is_named(tmp_path: Path) -> None:
     """A little more than all of it may be missing, as both sizes are known to some percent."""
     rows = ("stribeck", "Fs", 0.049, "N m"), ("stribeck", "vs", 8.0, "rad/s")

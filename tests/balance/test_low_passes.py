@@ -247,7 +247,7 @@ def test_what_neither_half_the_low_pass_nor_twice_names_is_not_named(
 @pytest.mark.parametrize(
     ("friction", "others", "named"),
     [
-        (0.012, "delay", True),
+        pytest.param(0.012, "delay", True, marks=slow),
         pytest.param(0.012, "", False, marks=slow),
         pytest.param(0.03, "delay", False, marks=slow),
     ],

@@ -144,7 +144,7 @@ def test_a_wave_is_named_where_only_speed_was_recorded(tmp_path: Path) -> None:
     assert found.steps[-1].fitted.estimates[-1].value == pytest.approx(2.0 * np.pi / 5.0, rel=0.01)
 
 
-@pytest.mark.parametrize("weight", [0.08, pytest.param(0.3, marks=slow)])
+@pytest.mark.parametrize("weight", [pytest.param(0.08, marks=slow), pytest.param(0.3, marks=slow)])
 def test_two_waves_over_the_angle_are_told_each_with_its_period(tmp_path: Path, weight: float) -> None:
     """The weight of an arm, and cogging in a form of its own, which beside a heavy arm refines."""
 

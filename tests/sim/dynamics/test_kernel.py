@@ -234,6 +234,7 @@ def test_the_cache_is_the_users_own_and_made_once(tmp_path: Path, monkeypatch: p
     assert [path.suffix for path in (tmp_path / "cache").iterdir() if path.is_file()] == [".py"]
 
 
+@slow
 def test_a_mechanism_from_elsewhere_is_compiled_but_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Doubled(EddyDamping):
         def drag(self, speed: Number, rest: float = 0.0) -> Number:
