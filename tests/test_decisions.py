@@ -155,7 +155,7 @@ def test_what_rows_hold_along_columns_set_aside_hides_no_structure_and_makes_non
     beyond = np.linalg.qr(np.hstack([family, aside]))[0][:, 3:]
     white -= beyond @ (beyond.T @ white)
     white[:, 0] += 0.4 * family[:, 0]
-    evidence = Evidence(white[:, 0], np.zeros((n, 0)), [family], (np.ones(n, np.bool_),), white[:, 1:], aside=aside)
+    evidence = Evidence(white[:, 0], np.zeros((n, 0)), [family], (np.ones(n, np.bool_),), white[:, 1:], excluded=aside)
     noisy = white + 30.0 * beyond[:, :1]
     scan = make_scan(evidence, evidence.baseline)
     squares = float(np.sum((np.linalg.qr(family)[0].T @ white[:, 0]) ** 2))

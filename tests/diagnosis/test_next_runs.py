@@ -88,8 +88,8 @@ def test_rows_are_in_units_of_their_scatter_beside_faults_of_transducers_and_wit
     families = zip(forward.families, forward.evidence.families, strict=True)
     looked = np.hstack([forward.columns, *(each for family, each in families if family.configuration != OFF_SHEET)])
     searched = (forward.block < len(forward.baseline.stretches)) | forward.of_sheet
-    assert forward.evidence.aside is not None
-    whole = np.hstack([looked, forward.evidence.aside])
+    assert forward.evidence.excluded is not None
+    whole = np.hstack([looked, forward.evidence.excluded])
     seen, withheld = (scatter_beyond(forward.y[searched], columns[searched]) for columns in (whole, looked))
     assert seen == pytest.approx(1.0, abs=0.02) if forward.scatter > 1.0 else seen <= 1.0
     assert withheld == pytest.approx(forward.withheld_scatter, rel=0.02)

@@ -71,8 +71,8 @@ def adequacy_test(evidence: Evidence) -> AdequacyTest:
     Notes
     -----
     The excess is the sum of squares along all families at once, less its expectation, in units of the variance of what
-    follows none of them, columns that are set aside included: over hundreds of directions a variance that is a little
-    too small would make much of it.
+    follows none of them. That variance includes the columns which the estimate of the scatter excludes: over hundreds
+    of directions a variance slightly too small would inflate the excess.
     """
 
     def remainder(problem: WhitenedProblem[Any]) -> Remainder:

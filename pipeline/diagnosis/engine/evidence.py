@@ -33,8 +33,8 @@ class Evidence:
         Whether a row may stand out by itself.
     positive : frozenset of int
         Places of families of one column whose size cannot be negative.
-    aside : (m, c) array, optional
-        Columns along which rows may hold more than their noise without a mismatch: the scatter is judged without them.
+    excluded : (m, c) array, optional
+        Columns excluded from the estimate of the scatter: rows may hold more than noise there without any mismatch.
     """
 
     y: Array
@@ -46,4 +46,4 @@ class Evidence:
     narrow: int = 0
     single_rows: bool = False
     positive: frozenset[int] = frozenset()
-    aside: Array | None = None
+    excluded: Array | None = None

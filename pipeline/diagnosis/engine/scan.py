@@ -79,8 +79,8 @@ class Scan:
         Groups, contrasts, and what is looked for.
     baseline, everything : (m, k) array
         Orthonormal bases of the baseline, and of it with every family that is not narrow.
-    beyond : (m, c) array
-        Orthonormal basis of what the scatter is judged without, beyond both.
+    excluded : (m, c) array
+        Orthonormal basis of the columns excluded from the estimate of the scatter, beyond both.
     bases : tuple of (m, r) array
         Orthonormal basis of each family beyond the baseline; that of a single column points as the column does.
     """
@@ -88,7 +88,7 @@ class Scan:
     evidence: Evidence
     baseline: Array
     everything: Array
-    beyond: Array
+    excluded: Array
     bases: tuple[Array, ...]
 
     def __call__(self, white: Array) -> Array:
@@ -98,14 +98,12 @@ class Scan:
         """
         return in_parts(self._tests, white)
 
-    def rest(self, white: Array) -> Array:
-        """What of whitened columns (m, draws) the scatter is judged by: it follows nothing that is looked for."""
-        left = white - self.everything @ (self.everything.T @ white)
-        return np.asarray(left - self.beyond @ (self.beyond.T @ left))
-
     def _tests(self, white: Array) -> Array:
         """The same of as many columns as memory bears."""
-        left, leverage = self.rest(white), sum(np.sum(basis**2, axis=1) for basis in (self.everything, self.beyond))
+        left, leverage = white, np.zeros(len(white))
+        for basis in (self.everything, self.excluded):
+            left = left - basis @ (basis.T @ left)
+            leverage += np.einsum("ij,ij->i", basis, basis)
         variance, dof, scale = [], [], np.empty_like(white)
         for rows in self.evidence.groups:
             free = float(np.sum(1.0 - leverage[rows]))
@@ -147,14 +145,14 @@ def make_scan(evidence: Evidence, baseline: Array) -> Scan:
         basis, alone = _beyond_basis(base, block)
         bases.append(basis * np.sign(basis.T @ alone)[0] if basis.shape[1] == alone.shape[1] == 1 else basis)
     everything = orthonormal(np.hstack([base, *bases[: len(bases) - evidence.narrow]]))
-    beyond = base[:, :0] if evidence.aside is None else _beyond_basis(everything, evidence.aside)[0]
-    return Scan(evidence, base, everything, beyond, tuple(bases))
+    excluded = base[:, :0] if evidence.excluded is None else _beyond_basis(everything, evidence.excluded)[0]
+    return Scan(evidence, base, everything, excluded, tuple(bases))
 
 
 def _beyond_basis(basis: Array, columns: Array) -> tuple[Array, Array]:
-    """Orthonormal basis of what columns (m, k) have beyond a basis, and that itself; ones of which little is are none.
+    """What columns (m, k) of unit length have beyond a basis: an orthonormal basis of it, and itself (m, k).
 
-    Columns are brought to unit length before.
+    Columns of which less than `ABSORBED` is left do not count for the former.
     """
     length = np.linalg.norm(columns, axis=0)
     unit = columns[:, length > 0.0] / length[length > 0.0]

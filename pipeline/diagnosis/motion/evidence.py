@@ -170,8 +170,8 @@ def motion_evidence(
     looked, swinging = _looked_for(parts, stacked)
     searched = (block < turning) | (block == len(parts))
     left = np.concatenate([*(part.left for part in parts), off])[searched]
-    spanned, aside = np.hstack([columns, *looked.values()]), _of_transducers(columns[:, :0], tried, terms)
-    shown, whole = (scatter_beyond(left, of[searched]) for of in (np.hstack([spanned, aside]), spanned))
+    spanned, excluded = np.hstack([columns, *looked.values()]), _of_transducers(columns[:, :0], tried, terms)
+    shown, whole = (scatter_beyond(left, of[searched]) for of in (np.hstack([spanned, excluded]), spanned))
     scatter = max(shown, 1.0)
     rough = (math.sqrt(max(part.unexplained, 1.0)) if k >= turning else 1.0 for k, part in enumerate(parts))
     unit = 1.0 / np.array([*(scatter * each for each in rough), 1.0])[block]
@@ -193,8 +193,8 @@ def motion_evidence(
     free = freed(np.hstack([columns, given]), y)
     problem = TermProblem(*free, _remembered(worked_out, tables), tables, ABSORBED_BY_SHEET)
     draws = np.vstack([_null(parts, tuple(noise), rng), rng.standard_normal((len(known), DRAWS))])
-    rows = (np.ones(len(y), np.bool_),)
-    evidence = Evidence(problem.left, problem.baseline, list(looked.values()), rows, draws, aside=unit[:, None] * aside)
+    rows, excluded = (np.ones(len(y), np.bool_),), unit[:, None] * excluded
+    evidence = Evidence(problem.left, problem.baseline, list(looked.values()), rows, draws, excluded=excluded)
     return MotionEvidence(
         evidence=evidence,
         problem=problem,

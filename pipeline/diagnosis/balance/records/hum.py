@@ -37,8 +37,8 @@ TAPERED = 0.5
 """Degrees of freedom of neighbours in the spectrum of tapered rows, over those without a taper."""
 
 WITHIN = 0.7
-"""Part of the band that low-pass and decimation leave, up to which frequencies are looked at: where power falls steeply
-its level is not told."""
+"""Part of the band that low-pass and decimation leave, up to which frequencies are looked at: near its edge the power
+falls too steeply for the noise level to be estimated."""
 
 AS_LONG = 0.5
 """Length of a stretch, over that of the longest, from which on it counts."""
@@ -85,10 +85,10 @@ def hum_beside(recorded: Recorded, structured: Array, low_pass: float) -> tuple[
     if place is None:
         return ()
     frequency = _refined(recorded, left, *place)
-    waves = recorded.thin(_wave(frequency, motion.time))
-    own = np.zeros((len(left), len(recorded.starts)))
-    for k, rows in enumerate(np.split(np.arange(len(left)), recorded.starts[1:])):
-        own[rows, k] = 1.0
+    phase = REVOLUTION * frequency * motion.time
+    waves = recorded.thin(np.stack([np.cos(phase), np.sin(phase)], 1))
+    recording = np.searchsorted(recorded.starts, np.arange(len(left)), side="right")
+    own = recording[:, None] == np.arange(1, len(recorded.starts) + 1)
     columns = np.hstack([wave[:, None] * own for wave in waves.T])
     return (ResidualStructure("force", "all", (f"frequency of {frequency:.1f} Hz",), columns),)
 
@@ -140,17 +140,15 @@ def _by_chance(parts: Sequence[Array], places: npt.NDArray[np.int64], count: int
     that the mean of r stretches follows F with r times as many of both, whatever the phases. A Hann taper keeps slow
     waves from reaching others.
     """
-    ratio, below, told = np.zeros(len(places)), np.zeros(len(places)), 0
-    for part in parts:
-        if not part.any():
-            continue
+    shown = [part for part in parts if part.any()]
+    ratio, degrees, stretches = np.zeros(len(places)), np.zeros(len(places)), max(len(shown), 1)
+    for part in shown:
         spectrum, lines = periodogram(_tapered(part)[None]), places * len(part) / count
-        noise, power = noise_around(spectrum, emptied(spectrum.shape[1], ()), lines), _power(part, places, count)
+        noise = noise_around(spectrum, emptied(spectrum.shape[1], ()), lines)
         known = np.isfinite(noise.power[0])
-        ratio += np.where(known, power / np.where(known, noise.power[0], 1.0), 0.0)
-        below += np.where(known, TAPERED * noise.dof[0], 0.0)
-        told += 1
-    return np.asarray(f.sf(ratio / max(told, 1), 2 * max(told, 1), np.maximum(below, 1.0)))
+        ratio += np.where(known, _power(part, places, count) / np.where(known, noise.power[0], 1.0), 0.0)
+        degrees += np.where(known, TAPERED * noise.dof[0], 0.0)
+    return np.asarray(f.sf(ratio / stretches, 2 * stretches, np.maximum(degrees, 1.0)))
 
 
 def _power(part: Array, places: npt.NDArray[np.int64], count: int) -> Array:
@@ -170,9 +168,3 @@ def _refined(recorded: Recorded, left: Array, frequency: float, apart: float) ->
         waves = np.exp(-1j * REVOLUTION * np.multiply.outer(tried, time))
         power += np.abs(waves @ rows) ** 2 / max(len(rows), 1)
     return float(tried[np.argmax(power)])
-
-
-def _wave(frequency: float, time: Array) -> Array:
-    """Cosine and sine of a frequency [Hz] (n, 2)."""
-    phase = REVOLUTION * frequency * time
-    return np.stack([np.cos(phase), np.sin(phase)], 1)
