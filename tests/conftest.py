@@ -110,11 +110,11 @@ def any_drawing() -> Drawings:
 def undrawn(any_drawing: Drawings) -> Iterator[None]:
     """Reports show the same small chart for every figure: for modules that look at anything but drawings."""
     ((_, png), (_, svg)), (inline,) = any_drawing.files.items(), any_drawing.inline.values()
+    (live,) = any_drawing.live.values()
 
-    def stand_in(figures: Sequence[Figure], title: str = "") -> Drawings:
-        del title
+    def stand_in(figures: Sequence[Figure]) -> Drawings:
         files = {figure.file: png for figure in figures} | {figure.vector_file: svg for figure in figures}
-        return Drawings(files, any_drawing.pdf if figures else b"", {figure.id: inline for figure in figures})
+        return Drawings(files, {figure.id: inline for figure in figures}, {figure.id: live for figure in figures})
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pmg.pipeline.report.write.draw_all", stand_in)

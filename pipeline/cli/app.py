@@ -120,11 +120,17 @@ def compare(given: Given, progress: Progress | None = None) -> Outcome:
 )
 def run(given: Given, progress: Progress | None = None) -> Outcome:
     """Run ingest, analyse and compare in one go. It takes published grids or another machine too."""
-    from pmg.pipeline.commands.compare import run_all
+    outcome = cli_machine.run_of(given, progress)
+    if outcome is not None:
+        return outcome
+    from pmg.pipeline.files.parallel import keeping_workers
     from pmg.pipeline.settings.chosen import choose
 
-    outcome = cli_machine.run_of(given, progress)
-    return run_all(choose(**given), progress) if outcome is None else outcome
+    chosen = choose(**given)
+    with keeping_workers(chosen.workers, loading="pmg.pipeline.commands.ingest_files"):
+        from pmg.pipeline.commands.compare import run_all
+
+        return run_all(chosen, progress)
 
 
 demo = app.command()(bench_side.demo)

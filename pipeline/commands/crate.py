@@ -44,7 +44,6 @@ FORMATS = {
     ".json": "application/json",
     ".mcap": "application/x-mcap",
     ".parquet": "application/vnd.apache.parquet",
-    ".pdf": "application/pdf",
     ".png": "image/png",
     ".svg": "image/svg+xml",
     ".toml": "application/toml",

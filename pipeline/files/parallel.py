@@ -12,6 +12,7 @@ from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from multiprocessing.connection import wait
 from threading import Thread
 from typing import TYPE_CHECKING, TypeVar
@@ -55,15 +56,18 @@ _KEPT: ContextVar[_Workers | None] = ContextVar("workers", default=None)
 
 
 @contextmanager
-def keeping_workers(count: int | None = None) -> Iterator[None]:
+def keeping_workers(count: int | None = None, loading: str = "") -> Iterator[None]:
     """Within the block, one set of processes does the work of `map_over`, `map_in_order` and `begin`.
 
-    They are started when first needed, and end with the block. To start one takes longer than many a piece of work.
+    They are started when first needed, or at once where they have a module to load, and end with the block. To start
+    one takes longer than many a piece of work.
 
     Parameters
     ----------
     count : int, optional
         How many; as many as there are cores by default; with 1 all is done in this process.
+    loading : str, optional
+        A module that each of them loads while the caller goes on.
 
     Raises
     ------
@@ -74,8 +78,12 @@ def keeping_workers(count: int | None = None) -> Iterator[None]:
         yield
         return
     with ExitStack() as until:
-        before = _KEPT.set(_Workers(count or os.cpu_count() or 1, until))
+        workers = _Workers(count or os.cpu_count() or 1, until)
+        before = _KEPT.set(workers)
         try:
+            if loading and workers.count > 1:
+                for _ in range(workers.count):
+                    workers.started().submit(import_module, loading)
             yield
         finally:
             _KEPT.reset(before)

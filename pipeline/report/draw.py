@@ -1,4 +1,4 @@
-"""Figures drawn: as PNG, SVG and PDF for documents, and as SVG that takes its colours from the page it stands in."""
+"""Figures drawn: as PNG and SVG for documents, as SVG that takes its colours from the page, and as its live data."""
 
 from __future__ import annotations
 
@@ -10,16 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure as MatplotlibFigure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.transforms import Bbox
 
 from pmg.pipeline.files.parallel import map_in_order
 from pmg.pipeline.report import draw_chart, draw_flow, draw_map
 from pmg.pipeline.report.figure import Chart, Figure, Panel, SpeedMap
-from pmg.pipeline.report.sheet import PAPER, POINTS, wrapped
-from pmg.pipeline.report.spelled import spelled
+from pmg.pipeline.report.live import live_json
+from pmg.pipeline.report.sheet import PAPER, POINTS
 from pmg.pipeline.report.stills.compact import compact
 from pmg.pipeline.report.stills.strokes import Recorder, RecordingCanvas, Redrawn
 from pmg.pipeline.report.theme import alone, themed
@@ -37,8 +35,6 @@ NARROW = 4.4
 """Width of a figure that stands beside text [in]."""
 RESOLUTION = 200
 """Dots per inch of the PNG files."""
-MARGIN = 0.25
-"""Between a figure and its caption, and around both, on a page of the PDF [in]."""
 
 SEVERAL = 8
 """So many figures are worth the start of other processes."""
@@ -49,7 +45,6 @@ _STYLE: dict[Any, Any] = {
     "text.parse_math": False,
     "svg.fonttype": "none",
     "svg.hashsalt": "pmg",
-    "pdf.fonttype": 42,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.axisbelow": True,
@@ -73,15 +68,13 @@ class Drawings:
     ----------
     files : dict of str to bytes
         The PNG of each figure, and an SVG that stands alone, with colours for white paper and text as text.
-    pdf : bytes
-        Vectors, with the caption below each figure; empty where there is no figure.
-    inline : dict of str to str
-        The SVG element of each figure, by its id, as a page takes it.
+    inline, live : dict of str to str
+        The SVG element of each figure, by its id, as a page takes it, and what the page draws it live from.
     """
 
     files: dict[str, bytes]
-    pdf: bytes
     inline: dict[str, str]
+    live: dict[str, str]
 
 
 def draw_png(figure: Figure) -> bytes:
@@ -90,14 +83,8 @@ def draw_png(figure: Figure) -> bytes:
         return _dots(_drawing_of(figure))
 
 
-def draw_svg(figure: Figure) -> str:
-    """A figure as an SVG element whose colours are the CSS variables of `theme.variables`."""
-    with _our_style():
-        return themed(_drawing_of(figure).svg, figure.id)
-
-
-def draw_all(figures: Sequence[Figure], title: str = "") -> Drawings:
-    """Every figure as PNG, as SVG for a page and for itself, and all of them as one PDF, a page each.
+def draw_all(figures: Sequence[Figure]) -> Drawings:
+    """Every figure as PNG, as SVG for a page and for itself, and as live data.
 
     Each is laid out once, in the colours of paper. The same figures give the same bytes, drawn here or, where
     `keeping_workers` keeps some, in other processes.
@@ -105,24 +92,13 @@ def draw_all(figures: Sequence[Figure], title: str = "") -> Drawings:
     Parameters
     ----------
     figures : sequence of Figure
-        What to draw, in the order numbered.
-    title : str
-        Title of the PDF.
-
+        What to draw.
     """
-    if not figures:
-        return Drawings({}, b"", {})
-    files: dict[str, bytes] = {}
-    inline: dict[str, str] = {}
-    book = io.BytesIO()
-    metadata = {"CreationDate": None, "Creator": None, "Producer": None, "Title": spelled(title) or None}
-    with _our_style(), PdfPages(book, metadata=metadata) as pages:
-        for count, (figure, drawn) in enumerate(map_in_order(_drawn, figures, SEVERAL), 1):
-            files |= {figure.file: drawn.png, figure.vector_file: drawn.svg}
-            inline[figure.id] = drawn.inline
-            canvas, box = _captioned(drawn.drawing, figure, count)
-            pages.savefig(canvas, bbox_inches=box)
-    return Drawings(files, book.getvalue(), inline)
+    drawn = Drawings({}, {}, {})
+    for figure, (png, svg, inline, live) in map_in_order(_drawn, figures, SEVERAL):
+        drawn.files.update({figure.file: png, figure.vector_file: svg})
+        drawn.inline[figure.id], drawn.live[figure.id] = inline, live
+    return drawn
 
 
 @dataclass(frozen=True)
@@ -132,12 +108,6 @@ class _Drawing:
     size: tuple[float, float]
     strokes: list[Stroke]
     svg: str
-
-    def again(self, resolution: float, paper: str) -> MatplotlibFigure:
-        """The same drawing for another renderer."""
-        canvas = MatplotlibFigure(self.size, resolution, facecolor=paper)
-        canvas.add_artist(Redrawn(self.strokes, *self.size))
-        return canvas
 
 
 def _drawing_of(figure: Figure) -> _Drawing:
@@ -150,51 +120,20 @@ def _drawing_of(figure: Figure) -> _Drawing:
     return _Drawing((float(width), float(height)), recorder.strokes, compact(file.getvalue()))
 
 
-@dataclass(frozen=True)
-class _Drawn:
-    """One figure in every way but as PDF, for which all of them are needed."""
-
-    png: bytes
-    svg: bytes
-    inline: str
-    drawing: _Drawing
-
-
-def _drawn(figure: Figure) -> _Drawn:
+def _drawn(figure: Figure) -> tuple[bytes, bytes, str, str]:
+    """A figure as PNG, as an SVG that stands alone, as an element of a page, and as its live data."""
     with _our_style():
         drawing = _drawing_of(figure)
         png = _dots(drawing)
     svg = alone(drawing.svg, figure.title, figure.caption).encode()
-    return _Drawn(png, svg, themed(drawing.svg, figure.id), replace(drawing, svg=""))
-
-
-def _captioned(drawing: _Drawing, figure: Figure, count: int) -> tuple[MatplotlibFigure, Bbox]:
-    """A drawing with its caption below, and the page [in] that holds both."""
-    canvas = drawing.again(POINTS, "none")
-    width, height = drawing.size
-    lines = [
-        (line, weight)
-        for text, weight in ((f"Figure {count}. {figure.title}.", "bold"), (figure.caption, "normal"))
-        for line in wrapped(spelled(text), width, PAPER.letters, weight)
-    ]
-    for row, (line, weight) in enumerate(lines):
-        down = MARGIN + row * PAPER.line
-        canvas.text(
-            0.0,
-            -down / height,
-            line,
-            size=PAPER.letters,
-            weight=weight,
-            va="top",
-            color=PAPER.palette["ink"],
-        )
-    depth = MARGIN + len(lines) * PAPER.line
-    return canvas, Bbox.from_extents(-MARGIN, -depth - MARGIN, width + MARGIN, height + MARGIN)
+    return png, svg, themed(drawing.svg, figure.id), live_json(figure)
 
 
 def _dots(drawing: _Drawing) -> bytes:
     """A drawing as a PNG file on white."""
-    canvas: Any = FigureCanvasAgg(drawing.again(RESOLUTION, PAPER.palette["paper"]))
+    again = MatplotlibFigure(drawing.size, RESOLUTION, facecolor=PAPER.palette["paper"])
+    again.add_artist(Redrawn(drawing.strokes, *drawing.size))
+    canvas: Any = FigureCanvasAgg(again)
     file = io.BytesIO()
     canvas.print_png(file, metadata={"Software": None})
     return file.getvalue()

@@ -4,33 +4,30 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import zlib
 from functools import lru_cache
 from html import escape
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from pmg.pipeline.report.action_sheet import MARKS
-from pmg.pipeline.report.draw import draw_svg
-from pmg.pipeline.report.live import live_figure
+from pmg.pipeline.report.draw import draw_all
 from pmg.pipeline.report.theme import DARK, FONTS, LIGHT, variables
-from pmg.pipeline.wording.safe_text import printable_json, printable_lines
+from pmg.pipeline.wording.safe_text import printable_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pmg.pipeline.report.document import Report
+    from pmg.pipeline.report.draw import Drawings
     from pmg.pipeline.report.figure import Figure
 
 _TEMPLATES = Path(__file__).with_name("templates")
 _SCRIPTS = ("page.js", "figures.js", "signals.js")
 
 
-def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
+def html(report: Report, drawings: Drawings | None = None) -> str:
     """The page of a report, figures and scripts inside; links to data files are relative.
 
     Without scripts the page is whole: figures are still drawings then, and tables keep their order. Only the two
@@ -40,9 +37,10 @@ def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
     ----------
     report : Report
         What is reported. All of its text is escaped.
-    drawings : mapping, optional
-        The SVG element of each figure by its id, where they have been drawn already.
+    drawings : Drawings, optional
+        Its figures, where they have been drawn already.
     """
+    drawn = draw_all(report.figures) if drawings is None else drawings
     environment = Environment(
         loader=FileSystemLoader(_TEMPLATES),
         autoescape=True,
@@ -55,8 +53,8 @@ def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
     allowed = [script, library] if library else [script]
     return environment.get_template("report.html.j2").render(
         report=report,
-        drawings={figure.id: _drawing(figure, drawings) for figure in report.figures},
-        live={figure.id: _embedded(live_figure(figure)) for figure in report.figures},
+        drawings={figure.id: _captioned(drawn.inline[figure.id], figure) for figure in report.figures},
+        live=drawn.live,
         csv={table.id: _deflated(table.csv().encode("utf-8", "backslashreplace")) for table in report.tables},
         numbers={table.id: count for count, table in enumerate(report.tables, 1)}
         | {figure.id: count for count, figure in enumerate(report.figures, 1)},
@@ -112,16 +110,9 @@ def _hash(script: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode('ascii')}'"
 
 
-def _embedded(data: Mapping[str, Any]) -> str:
-    """JSON that no text in it can end early."""
-    text = printable_json(json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")))
-    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
-
-
-def _drawing(figure: Figure, drawings: Mapping[str, str] | None) -> str:
+def _captioned(svg: str, figure: Figure) -> str:
     """The figure drawn, with its caption for those who cannot see it.
 
     A drawing escapes its own text; only its opening tag is added to.
     """
-    svg = draw_svg(figure) if drawings is None else drawings[figure.id]
     return svg.replace("<svg ", f'<svg class="drawing" role="img" aria-label="{escape(figure.caption)}" ', 1)

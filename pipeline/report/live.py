@@ -6,22 +6,31 @@ colour of its scheme in its place whenever that changes.
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.report import live_chart, live_flow, live_map
 from pmg.pipeline.report.figure import Chart, Figure, Panel, SpeedMap
+from pmg.pipeline.wording.safe_text import printable_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
-def live_figure(figure: Figure) -> Mapping[str, Any]:
+def live_json(figure: Figure) -> str:
+    """Live drawing of a figure as JSON that no text in it can end early."""
+    data = _live_figure(figure)
+    text = printable_json(json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")))
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def _live_figure(figure: Figure) -> Mapping[str, Any]:
     """Live drawing of a figure.
 
     Parameters
     ----------
     figure : Figure
-        The specification, which `draw.draw_svg` takes as well.
+        The specification, of which `draw.draw_all` makes its still drawings.
 
     Returns
     -------

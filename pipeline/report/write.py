@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import re
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.files.parallel import begin
 from pmg.pipeline.report.draw import draw_all
 from pmg.pipeline.report.html import html
 from pmg.pipeline.report.summary import summary
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
 PAGE = "report.html"
 SUMMARY = "summary.json"
 WORKBOOK = "report.xlsx"
-FIGURES = "figures.pdf"
 LISTING = "report-files.json"
 """Files of the report; the next one removes those it no longer makes, and nothing else."""
 
@@ -31,7 +32,7 @@ _OURS = re.compile(r"figures/[a-z0-9_-]+\.(png|svg)|tables/[a-z0-9_-]+\.csv|figu
 
 def report_files(report: Report, *, summed_up: bool = True) -> tuple[str, ...]:
     """Names of the files that `write_report` writes, the listing among them, in the order it gives them."""
-    head = (PAGE, *(SUMMARY,) * summed_up, WORKBOOK, *(FIGURES,) * bool(report.figures))
+    head = (PAGE, *(SUMMARY,) * summed_up, WORKBOOK)
     drawn = (*(figure.file for figure in report.figures), *(figure.vector_file for figure in report.figures))
     return (*head, *drawn, *(table.file for table in report.tables), LISTING)
 
@@ -63,9 +64,10 @@ def write_report(
         When the listing of an earlier report cannot be read.
     """
     earlier = _listed(folder / LISTING)
-    drawn = draw_all(report.figures, report.title)
+    drawn = draw_all(report.figures)
     made = drawn.files | {table.file: _encoded(table.csv()) for table in report.tables}
-    made |= {PAGE: _encoded(html(report, drawn.inline)), WORKBOOK: workbook(report, drawn.files), FIGURES: drawn.pdf}
+    book = begin(partial(workbook, report), drawn.files)
+    made |= {PAGE: _encoded(html(report, drawn)), WORKBOOK: book()}
     names = [name for name in report_files(report, summed_up=summed_up) if name != LISTING]
     if summed_up:
         summed = summary(report, {name: made[name] for name in names if name != SUMMARY}, facts)

@@ -18,8 +18,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
-from matplotlib.backends.backend_pdf import PdfPages
-
 from pmg.pipeline.commands import compare
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.ingest import ALONE, run_ingest
@@ -35,11 +33,10 @@ if TYPE_CHECKING:
 
 PARTS: dict[str, str] = {
     "html": "page, without its drawings",
-    "draw_all": "captions, and the end of the PDF",
+    "draw_all": "figures handed on",
     "of": "figures laid out, and drawn as SVG",
     "themed": "their SVG for the page",
     "dots": "figures as PNG",
-    "pdf": "figures as PDF, but for its end",
     "workbook": "workbook",
     "summary": "summary",
     "write_atomic": "written to disk",
@@ -150,7 +147,7 @@ def main() -> None:
         report(f"{len(page.figures)} figures, {len(page.tables)} tables", "bytes")
         out = Path(name, "report")
         files = write.write_report(page, out, *rest, **named)
-        for kind in (".html", ".png", ".svg", ".csv", ".pdf", ".xlsx", ".json"):
+        for kind in (".html", ".png", ".svg", ".csv", ".xlsx", ".json"):
             report(f"  {kind[1:]}", f"{sum(path.stat().st_size for path in files if path.suffix == kind):,}")
         report("", "CPU [s]")
         best: tuple[float, dict[str, float]] | None = None
@@ -161,7 +158,6 @@ def main() -> None:
                     patched.enter_context(patch.object(write, part, clock.timed(part, getattr(write, part))))
                 for name, made in (("dots", "_dots"), ("of", "_drawing_of"), ("themed", "themed")):
                     patched.enter_context(patch.object(draw, made, clock.timed(name, getattr(draw, made))))
-                patched.enter_context(patch.object(PdfPages, "savefig", clock.timed("pdf", PdfPages.savefig)))
                 whole = timed(lambda: write.write_report(page, out, *rest, **named)).cpu
             if best is None or whole < best[0]:
                 best = whole, dict(clock.spent)

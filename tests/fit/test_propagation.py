@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.points import joined, measured, points
+from tests.report.example import draw_svg
 
 from pmg.pipeline.analysis.outputs import FOLDER, write_analysis
 from pmg.pipeline.analysis.power_flow import BRANCHES, Flow, flow_document, power_flows
@@ -28,7 +29,6 @@ from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.propagation import Spread
 from pmg.pipeline.grid.missing_uncertainty import unstated_columns, unstated_in
 from pmg.pipeline.report.document import Figure, PowerFlow
-from pmg.pipeline.report.draw import draw_svg
 from pmg.pipeline.report.table import Table
 from pmg.sim import signals
 from pmg.sim.bench import BenchParameters, SourcedQuantity, load_bench

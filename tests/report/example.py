@@ -19,7 +19,13 @@ from pmg.pipeline.report.document import (
     Table,
     Text,
 )
+from pmg.pipeline.report.draw import draw_all
 from pmg.sim import sources
+
+
+def draw_svg(figure: Figure) -> str:
+    """The SVG element of a figure, as a page takes it."""
+    return draw_all((figure,)).inline[figure.id]
 
 
 def chart() -> Chart:

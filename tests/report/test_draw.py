@@ -13,10 +13,11 @@ from matplotlib.colors import to_hex
 
 from pmg.pipeline.report import mapgrid
 from pmg.pipeline.report.document import Chart, Figure, PowerFlow, Series, SpeedMap
-from pmg.pipeline.report.draw import draw_png, draw_svg
+from pmg.pipeline.report.draw import draw_png
 from pmg.pipeline.report.theme import DARK, LIGHT, ROLES, SERIES, Palette
 
 from . import example
+from .example import draw_svg
 
 if TYPE_CHECKING:
     from collections.abc import Callable

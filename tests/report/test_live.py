@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ from tests.slow import slow
 
 from pmg.pipeline.report import live_chart, live_map
 from pmg.pipeline.report.document import Chart, Column, Figure, PowerFlow, Section, Series, SpeedMap, Table
-from pmg.pipeline.report.live import live_figure
+from pmg.pipeline.report.live import live_json
 from pmg.pipeline.report.write import write_report
 
 from . import chromium, example
@@ -291,7 +292,7 @@ def test_one_switch_changes_what_differs_with_the_cause_and_nothing_else(tmp_pat
     )
     other = replace(grid, z=0.5 * grid.z)
     figure = Figure("one", "One", "Far off.", (plain, grid), switched=(caused, other), switched_caption="Close.")
-    chart, cells = live_figure(figure)["panels"]
+    chart, cells = json.loads(live_json(figure))["panels"]
     assert chart["changed"][0] == {}
     assert set(chart["changed"][1]) == {"y", "text"}
     assert "zmin" not in cells["changed"][0]  # one scale for both

@@ -31,10 +31,10 @@ def test_figures_have_the_same_bytes_from_other_processes(monkeypatch: pytest.Mo
         Figure("chart", "Chart", "It rises.", (example.chart(),)),
         Figure("map", "Map", "It falls.", (example.speed_map(),)),
     ]
-    here = draw_all(figures, "Two")
+    here = draw_all(figures)
     monkeypatch.setattr(draw, "SEVERAL", 2)
     with keeping_workers(2):
-        assert draw_all(figures, "Two") == here
+        assert draw_all(figures) == here
 
 
 def test_a_worker_that_dies_is_told_of() -> None:
