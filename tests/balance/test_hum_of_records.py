@@ -13,10 +13,12 @@ from tests.balance.slide import make_case, plain
 from tests.slow import slow
 
 from pmg.pipeline.diagnosis.balance.case_file import read_case
+from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.records import hum
 from pmg.pipeline.diagnosis.balance.records.hum import _hum_in, hum_beside
 from pmg.pipeline.diagnosis.balance.search_record import search_record
 from pmg.pipeline.diagnosis.engine.spectral_line import swept
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -129,3 +131,14 @@ def test_a_slide_without_one_has_no_such_place(tmp_path: Path) -> None:
     case = read_case(make_case(tmp_path, plain, 3))
     looked = search_record(case, read_one(case.fit[0], case), np.random.default_rng(1)).looked
     assert not [family for family in looked if family.covariates[0].startswith("frequency")]
+
+
+def test_a_cause_is_named_beside_a_hum_which_is_told_as_what_is_left(tmp_path: Path) -> None:
+    def shaken(m: Moving) -> Array:
+        return plain(m) + 15.0 * np.sign(m.v) + 6.0 * np.sin(2.0 * math.pi * 5.3 * m.t)
+
+    case = read_case(make_case(tmp_path, shaken, 3, seconds=30.0))
+    found = diagnose_terms(case, read_one(case.fit[0], case), None, np.random.default_rng(1))
+    assert found.verdict is Verdict.NAMED
+    assert [fit.identifier for fit in found.steps[-1].fitted.fits] == ["coulomb"]
+    assert [place.name for place in found.left_over.locations] == ["frequency of 5.3 Hz"]

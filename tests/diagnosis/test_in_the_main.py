@@ -155,7 +155,7 @@ def test_what_is_worth_as_much_on_withheld_rows_as_on_those_of_the_fit_is_what_m
 
 def test_mechanisms_in_motion_share_what_may_be_left() -> None:
     """Two together come near much that is neither."""
-    assert MotionCatalogue().left_in_the_main(1) == TermCatalogue().left_in_the_main(1)
+    assert MotionCatalogue().left_in_the_main(1) == 0.25
     assert MotionCatalogue().left_in_the_main(2) == pytest.approx(0.5 * MotionCatalogue().left_in_the_main(1))
 
 
@@ -187,3 +187,24 @@ def test_a_law_that_holds_the_leading_one_and_adds_nothing_is_no_rival(
     assert without_held(naming).rivals == ((beside,) if stays else ())
     elsewhere = replace(naming, best=a_set(100.0, "torque_zero_offset", place="ring"), rivals=(other,))
     assert without_held(elsewhere).rivals == (other,), "another transducer holds nothing of it"
+
+
+@pytest.mark.parametrize(
+    ("kept", "low", "of_a_kind", "after", "verdict", "weak"),
+    [
+        (1.0, 0.4, False, 1.05, Verdict.NAMED, False),
+        (1.0, 0.4, True, 1.05, Verdict.AMBIGUOUS, True),
+        (1.0, 0.4, False, 2.2, Verdict.AMBIGUOUS, True),
+        (1.0, -0.1, True, 2.2, Verdict.NOT_IN_LIBRARY, False),
+        (0.75, 0.4, True, 1.05, Verdict.NOT_IN_LIBRARY, False),
+    ],
+)
+def test_what_leaves_a_small_part_is_what_may_be_where_only_rows_of_its_kind_bear_it_out(
+    kept: float, low: float, of_a_kind: bool, after: float, verdict: Verdict, weak: bool
+) -> None:
+    """Or where it predicts a part for sure, as a cause of another form does, and every part of the rows names it."""
+    held = replace(proof(after, kept), gain_interval=(low, 1.0), of_a_kind=of_a_kind)
+    found = conclude(NOTHING, MotionCatalogue(), named(SEEN), lambda _: held)
+    assert (found.verdict, found.weak) == (verdict, weak)
+    if weak:
+        assert why_weak(found) == NOT_PROVED

@@ -25,7 +25,7 @@ from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
 from pmg.pipeline.diagnosis.balance.library.elastic import BACKLASH, LIKE_PLAY, SURE_FLIGHT
 from pmg.pipeline.diagnosis.balance.low_passes import try_low_passes
-from pmg.pipeline.diagnosis.balance.mismatch import find_mismatch, record_evidence
+from pmg.pipeline.diagnosis.balance.mismatch import find_together
 from pmg.pipeline.diagnosis.balance.proof import (
     FurtherDecoys,
     set_against,
@@ -227,7 +227,7 @@ def _judged(
         back = held_back(s, case, low_passes, steps[-1].fitted, worse=_worse_withheld(data, steps, rng))
     if impossible or back is not None:
         verdict = Verdict.NOT_IN_LIBRARY
-    last = settled(s.problem, (refinements or steps)[-1].fitted.fits)
+    last = (refinements or steps)[-1].fitted.fits
     return TermsDiagnosis(
         verdict=verdict,
         naming=found,
@@ -246,7 +246,7 @@ def _judged(
         twins=_twins_told(s, case, recorded, contests),
         further_decoys=further,
         contests=contests,
-        left_over=find_mismatch(record_evidence(s.noise, last, s.looked, s.evidence.null), s.looked),
+        left_over=find_together(s.noise, s.evidence.null, *((settled(each, last), of) for each, of in s.tested)),
         low_passes=low_passes,
         held_back=back,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -61,3 +61,22 @@ def find_mismatch(evidence: Evidence, families: tuple[ResidualStructure, ...]) -
     order = sorted(places, key=lambda place: (place.p_value, -place.rms))
     found = tuple(place for place in order if place.p_value <= FALSE_ALARM_RATE)
     return Mismatch(step.p_value, FALSE_ALARM_RATE, found, len(families), evidence.null.shape[1])
+
+
+def find_together(
+    noise: NoiseModel, null: Array, *left: tuple[TermProblem, tuple[ResidualStructure, ...]]
+) -> Mismatch[Place]:
+    """Mismatches of rows that are told one after the other, each by families of its own, as one.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        Noise of the rows.
+    null : (m, draws) array
+        Whitened synthetic noise.
+    *left : tuple of (TermProblem, tuple of ResidualStructure)
+        Rows, and what they may follow.
+    """
+    found = [find_mismatch(record_evidence(noise, problem, looked, null), looked) for problem, looked in left]
+    places = tuple(place for each in found for place in each.locations)
+    return replace(found[-1], p_value=min(each.p_value for each in found), locations=places)

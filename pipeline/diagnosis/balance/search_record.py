@@ -111,7 +111,8 @@ def _with_second(problem: TermProblem, case: Case) -> TermProblem:
 class Searched:
     """A record searched: its noise, families and evidence about the free terms of the baseline, and what was found.
 
-    The moments of reversal are free in `problem` and not in `for_refinements`; `turned` (n, k) are their columns.
+    The moments of reversal are free in `problem` and not in `for_refinements`; `turned` (n, k) are their columns, and
+    those of a `hum` beside which the record differs. It is not free in `shows_hum`.
     In `recorded`, the baseline was fitted together with the terms `fitted`, and rows have the noise these add.
     """
 
@@ -124,10 +125,18 @@ class Searched:
     evidence: Evidence
     problem: TermProblem
     for_refinements: TermProblem
+    shows_hum: TermProblem
+    hum: tuple[ResidualStructure, ...]
     turned: Array
     mismatch: Mismatch[Place]
     found: TermNaming | None
     named: tuple[TermFit, ...]
+
+    @property
+    def tested(self) -> tuple[tuple[TermProblem, tuple[ResidualStructure, ...]], ...]:
+        """Rows, and what they may follow: a hum by itself, then all else beside it."""
+        beside = ((self.shows_hum, self.hum),) if self.hum else ()
+        return (*beside, (self.problem, self.looked))
 
     def alike(self, withheld: Recorded) -> Recorded:
         """Withheld recordings with what the rest of the model gives, and with noise of rows, as here."""
@@ -137,28 +146,59 @@ class Searched:
 
 
 def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> Searched:
+    """The mismatch test and the search of the library, beside a hum where the record differs by more than one."""
+    given = _less_sure(recorded, case.known)
+    free, searched = _free_terms(case), _searched_terms(case, recorded)
+    looked, coarse = families_of(given, case.axis), tabulate(given, searched, coarse=True)
+    asked = _Inquiry(free, searched, coarse, reversals(given, case.axis.rises), looked)
+    fitted, columns = for_search(given, free, ())
+    structured = _structured(np.hstack([columns, asked.turned]), looked, coarse)
+    if hum := hum_beside(fitted, structured, case.prepare.low_pass_hz):
+        beside = _search(case, given, replace(asked, hum=hum), rng)
+        if beside.mismatch.found:
+            return beside
+    return _search(case, given, replace(asked, line=hum), rng)
+
+
+@dataclass(frozen=True)
+class _Inquiry:
+    """What a record is asked for: free terms, terms that may be named and their coarse tables, families.
+
+    `turned` (n, k) are the columns of the moments of reversal; a hum is free beside them, or a `line` among families.
+    """
+
+    free: tuple[Term[Motion], ...]
+    searched: tuple[Term[Motion], ...]
+    coarse: dict[str, Tabled]
+    turned: Array
+    looked: tuple[ResidualStructure, ...]
+    hum: tuple[ResidualStructure, ...] = ()
+    line: tuple[ResidualStructure, ...] = ()
+
+    @property
+    def apart(self) -> Array:
+        """Columns (n, k) beside those of the free terms."""
+        return np.hstack([self.turned, *(family.columns for family in self.hum)])
+
+
+def _search(case: Case, whole: Recorded, asked: _Inquiry, rng: np.random.Generator) -> Searched:
     """The mismatch test and the search of the library; again with noise freed from what was named.
 
     What was named may move what the rest gives, or give rows noise of their own (`_beside`). A mismatch that was seen
     without such noise stands, whatever is seen with it; and a set of other terms of that kind is searched once more.
     """
-    free, searched = _free_terms(case), _searched_terms(case, recorded)
-    given = whole = _less_sure(recorded, case.known)
-    looked, coarse = families_of(given, case.axis), tabulate(given, searched, coarse=True)
-    turned = reversals(given, case.axis.rises)
+    given, free, looked, coarse = whole, asked.free, (*asked.looked, *asked.line), asked.coarse
     recorded, columns = for_search(given, free, ())
-    plain = np.hstack([columns, turned])
+    plain = np.hstack([columns, asked.apart])
     structured = _structured(plain, looked, coarse)
     tables, found = coarse, None
     named: tuple[TermFit, ...] = ()
     fitted: tuple[SetTerm, ...] = ()
-    hum = hum_beside(recorded, structured, case.prepare.low_pass_hz)
-    looked = (*looked, *hum)
-    structured = np.hstack([structured, *(family.columns for family in hum)])
     for turn in range(SEARCHES):
         if _of_kind(fit.candidate for fit in named) or fitted:
             given, fitted = _beside(whole, case, free, named)
-            looked, faults = (*families_of(given, case.axis), *hum), tuple(term for term in searched if term.of_model)
+            faults = tuple(term for term in asked.searched if term.of_model)
+            looked = (*families_of(given, case.axis), *asked.line)
             tables, coarse = tables | tabulate(given, faults), coarse | tabulate(given, faults, coarse=True)
             structured = _structured(plain, looked, coarse)
         if named:
@@ -175,18 +215,36 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
             found, named = None, ()
             break
         if turn == 0:
-            tables = tabulate(recorded, searched)
+            tables = tabulate(recorded, asked.searched)
             problem = _with_second(term_problem(recorded, tables, noise.noise, plain), case)
         found = name_candidates(problem, TermCatalogue(), adequacy_test(evidence))
         before, named = {fit.identifier for fit in named}, found.best.fits
         as_fitted = _of_kind(fit.candidate for fit in named) == _of_kind(each.term for each in fitted)
         if as_fitted and (turn > 0 or found.best.ids == before):
             break
-    basis, left = freed(noise.noise.whiten(columns), noise.noise.whiten(recorded.force[:, None])[:, 0])
-    for_refinements = replace(problem, baseline=basis, left=left)
     return Searched(
-        case, given, fitted, free, noise, looked, evidence, problem, for_refinements, turned, mismatch, found, named
+        case=case,
+        recorded=given,
+        fitted=fitted,
+        free=free,
+        noise=noise,
+        looked=looked,
+        evidence=evidence,
+        problem=problem,
+        for_refinements=_about(problem, noise, recorded, columns),
+        shows_hum=_about(problem, noise, recorded, np.hstack([columns, asked.turned])),
+        hum=asked.hum,
+        turned=asked.apart,
+        mismatch=mismatch,
+        found=found,
+        named=named,
     )
+
+
+def _about(problem: TermProblem, noise: NoiseModel, recorded: Recorded, columns: Array) -> TermProblem:
+    """The problem about a baseline of other columns (n, k)."""
+    basis, left = freed(noise.noise.whiten(columns), noise.noise.whiten(recorded.force[:, None])[:, 0])
+    return replace(problem, baseline=basis, left=left)
 
 
 def _structured(plain: Array, looked: tuple[ResidualStructure, ...], coarse: Mapping[str, Tabled]) -> Array:

@@ -96,8 +96,8 @@ def conclude(
     the main, when it leaves a small part that is more than noise, and every part of the rows names it as well. Rivals
     are the sets of close evidence, and those that parts of the rows name instead. Where the mismatch is too weak to
     tell an effect of another kind by what it leaves, the candidates that explain it are reported as what may be, and
-    none is named; so they are where they explain all, and withheld rows do not show the mismatch or show a part of it
-    predicted.
+    none is named; so they are where they explain all or most, and withheld rows do not show the mismatch or show a part
+    of it predicted.
     """
     if naming.may_be_named and not naming.weak:
         held = prove(naming.best)
@@ -106,7 +106,7 @@ def conclude(
             naming = _with_parts(problem, catalogue, naming, held)
             verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
             return Conclusion(verdict=verdict, naming=naming, held_out=held)
-        if held is not None and (naming.explained or proved) and catalogue.tells_weak and _may_be(naming, held):
+        if held is not None and catalogue.tells_weak and _may_be(naming, held):
             naming = _with_parts(problem, catalogue, naming, held)
             return Conclusion(verdict=Verdict.AMBIGUOUS, naming=naming, held_out=held, weak=True)
         if held is None and naming.explained:
@@ -137,19 +137,20 @@ def _proved(catalogue: CandidateCatalogue[F, P], naming: Naming[F, P], held: Hel
         return True
     nothing_seen = naming.remainder.p_value >= ORDINARY or not catalogue.foretells(naming.best.fits)
     unseen = nothing_seen and held.left <= UNPREDICTED
-    return naming.in_the_main and held.kept == 1.0 and (held.predicts or unseen)
+    return naming.in_the_main and held.kept == 1.0 and not held.of_a_kind and (held.predicts or unseen)
 
 
 def _may_be(naming: Naming[F, P], held: HeldOut) -> bool:
     """Whether withheld rows leave open what they do not bear out: they do not show it, or it predicts a part for sure.
 
-    A part counts where nothing else is seen in what the set leaves, or where it is worth as much on withheld rows as on
-    those of the fit.
+    A part counts where nothing else is seen in what the set leaves, where it is worth as much on withheld rows as on
+    those of the fit, or where every part of the rows names what is the cause in the main.
     """
     if not held.tells:
         return held.rmse_after <= NOT_WORSE * held.rmse_before
     as_much = held.fall >= naming.best.gain and held.rmse_after < held.rmse_before
-    return as_much or (naming.remainder.p_value >= ORDINARY and held.gain_interval[0] > 0.0)
+    alone = naming.remainder.p_value >= ORDINARY or (naming.in_the_main and held.kept == 1.0)
+    return as_much or (alone and held.gain_interval[0] > 0.0)
 
 
 def in_the_main_sentence(naming: Naming[Any, Any] | None, held: HeldOut | None) -> str:

@@ -65,6 +65,8 @@ class HeldOut:
         Where too few agree: the sets that were chosen instead, most frequent first.
     fall : float
         Fall of the sum of squares of the rows that were looked at, each in its noise.
+    of_a_kind : bool
+        Whether rows of the same kind stayed among those of the fit: too easy a proof for what leaves more than noise.
     """
 
     split: str
@@ -81,6 +83,7 @@ class HeldOut:
     in_every_part: frozenset[str] = frozenset()
     elsewhere: tuple[tuple[Any, ...], ...] = ()
     fall: float = 0.0
+    of_a_kind: bool = False
 
     def document(self, unit: str) -> dict[str, Any]:
         """Split, errors before and after, noise and interval as JSON."""

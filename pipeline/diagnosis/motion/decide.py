@@ -174,9 +174,8 @@ def _proof(
 ) -> Callable[[Explanation[TermFit, TermProblem]], HeldOut | None]:
     """Errors of a set of mechanisms on withheld kinds of run, or where those cannot tell, on withheld runs.
 
-    What one kind of run alone shows, as friction right after a reversal, no other kind can predict; a set that leaves
-    no more than noise may be borne out by runs nevertheless, where every part of them names it. None where there is too
-    little to withhold.
+    What one kind of run alone shows, as friction right after a reversal, no other kind can predict; a set may be borne
+    out by runs nevertheless, where every part of them names it. None where there is too little to withhold.
     """
 
     def prove(best: Explanation[TermFit, TermProblem]) -> HeldOut | None:
@@ -186,10 +185,13 @@ def _proof(
             return withhold(rows, MotionCatalogue(refine=False), best.fits, rng, bent=best.bent > 0.0)
 
         of_kinds = held(by_kind(found, best.fits))
-        if of_kinds is not None and ((of_kinds.predicts and of_kinds.shows(best.gain)) or not naming.explained):
+        proved = of_kinds is not None and of_kinds.predicts and of_kinds.shows(best.gain)
+        if of_kinds is not None and (proved or not naming.may_be_named):
             return of_kinds
         of_runs = held(by_run(found, best.fits))
-        return of_runs if of_kinds is None or (of_runs is not None and of_runs.kept == 1.0) else of_kinds
+        if of_kinds is not None and (of_runs is None or of_runs.kept < 1.0):
+            return of_kinds
+        return None if of_runs is None else replace(of_runs, of_a_kind=True)
 
     return prove
 
