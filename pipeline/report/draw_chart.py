@@ -52,7 +52,7 @@ def draw(chart: Chart, box: SubFigure, sheet: Sheet) -> None:
         ax.set_xlim(*chart.x_limits)
     if chart.y_limits:
         ax.set_ylim(*chart.y_limits)
-    for label, value in chart.references:
+    for label, value in chart.compared:
         _reference(ax, chart, label, value, sheet)
     groups, feet = _groups(chart), stacked(chart)
     handles = [
@@ -138,7 +138,7 @@ def _series(ax: Axes, series: Series, group: int, sheet: Sheet) -> Artist:
 
 def _reference(ax: Axes, chart: Chart, label: str, value: float, sheet: Sheet) -> None:
     low, high = sorted(chart.y_limits or (-np.inf, np.inf))
-    if not low <= value <= high or not np.isfinite(value):
+    if not low <= value <= high:
         return
     ax.axhline(value, color=sheet.palette["ink"], linewidth=1.0, linestyle=(0, (6, 3)), zorder=1.5)
     if label:

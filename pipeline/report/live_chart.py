@@ -31,13 +31,12 @@ def plot(chart: Chart) -> dict[str, Any]:
         traces += [_as_bars(made[-1], *feet[place])] if place in feet else made
         listed.add(series.name)
     heading = _heading(chart.legend_title, chart.series)
-    shown = [one for one in chart.references if np.isfinite(one[1]) and not (chart.y_log and one[1] <= 0.0)]
     of = layout(
         chart.title,
         xaxis=axis(chart.x_label, **_range(chart.x_limits, chart.x_log)),
         yaxis=axis(chart.y_label, **_range(chart.y_limits, chart.y_log)),
-        shapes=[_line(value) for _, value in shown],
-        annotations=[_note(label, value, chart.y_log) for label, value in shown if label],
+        shapes=[_line(value) for _, value in chart.compared],
+        annotations=[_note(label, value, chart.y_log) for label, value in chart.compared if label],
         showlegend=any(series.name for series in chart.series),
         legend={
             "orientation": "h",

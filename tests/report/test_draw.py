@@ -35,6 +35,7 @@ AWKWARD: dict[str, Panel] = {
     "nothing finite": Chart("x", "y", (Series("a", ONE, np.array([np.nan]), ONE),)),
     "infinite": Chart("x", "y", (Series("a", np.arange(3.0), np.array([1.0, np.inf, -np.inf]), np.full(3, np.inf)),)),
     "one point": Chart("x", "y", (Series("a", ONE, ONE),), (("nowhere", float("nan")),)),
+    "nothing on a logarithm": Chart("x", "y", (Series("a", ONE, ONE),), (("zero", 0.0), ("below", -1.0)), y_log=True),
     "band with gaps": Chart("x", "y", (Series("a", np.arange(3.0), np.ones(3), np.array([1, np.nan, 1.0]), "band"),)),
     "huge": Chart("x", "y", (Series("a", np.arange(2.0), np.array([1e300, -1e-300])),)),
     "map of nothing": SpeedMap(np.arange(2.0), np.arange(3.0), np.full((3, 2), np.nan), "x", "y", "z", annotate=True),

@@ -37,6 +37,15 @@ def test_figures_have_the_same_bytes_from_other_processes(monkeypatch: pytest.Mo
         assert draw_all(figures) == here
 
 
+def test_workers_that_load_a_module_at_once_do_the_same_work(capfd: pytest.CaptureFixture[str]) -> None:
+    """``this`` prints as it is loaded, once in each of them."""
+    with keeping_workers(2, loading="this"):
+        assert list(map_in_order(abs, [-1, 2], 99)) == [(-1, 1), (2, 2)]
+    assert capfd.readouterr().out.count("Beautiful is better than ugly.") in (1, 2)
+    with keeping_workers(1, loading="no.such.module"):
+        assert list(map_in_order(abs, [-1], 1)) == [(-1, 1)]
+
+
 def test_a_worker_that_dies_is_told_of() -> None:
     with pytest.raises(StoreError, match="worker"), keeping_workers(2):
         list(map_in_order(os._exit, [1, 1], 2))
