@@ -127,7 +127,8 @@ def run(given: Given, progress: Progress | None = None) -> Outcome:
     from pmg.pipeline.settings.chosen import choose
 
     chosen = choose(**given)
-    with keeping_workers(chosen.workers, loading="pmg.pipeline.commands.ingest_files"):
+    here = chosen.path("recordings") is not None and chosen.text("scheduler") is None
+    with keeping_workers(chosen.workers, loading="pmg.pipeline.commands.ingest_files" if here else ""):
         from pmg.pipeline.commands.compare import run_all
 
         return run_all(chosen, progress)

@@ -83,10 +83,15 @@ def keeping_workers(count: int | None = None, loading: str = "") -> Iterator[Non
         try:
             if loading and workers.count > 1:
                 for _ in range(workers.count):
-                    workers.started().submit(import_module, loading)
+                    workers.started().submit(_load, loading)
             yield
         finally:
             _KEPT.reset(before)
+
+
+def _load(module: str) -> None:
+    """Import a module, which does not come back from a process."""
+    import_module(module)
 
 
 def begin(work: Callable[[Item], Result], item: Item) -> Callable[[], Result]:

@@ -52,7 +52,7 @@ def draw(chart: Chart, box: SubFigure, sheet: Sheet) -> None:
         ax.set_xlim(*chart.x_limits)
     if chart.y_limits:
         ax.set_ylim(*chart.y_limits)
-    for label, value in chart.compared:
+    for label, value in chart.references_shown:
         _reference(ax, chart, label, value, sheet)
     groups, feet = _groups(chart), stacked(chart)
     handles = [

@@ -98,7 +98,7 @@ class Chart:
     y_log: bool = False
 
     @property
-    def compared(self) -> list[tuple[str, float]]:
+    def references_shown(self) -> list[tuple[str, float]]:
         """The references that the axis can show."""
         return [one for one in self.references if np.isfinite(one[1]) and not (self.y_log and one[1] <= 0.0)]
 

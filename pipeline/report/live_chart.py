@@ -35,8 +35,8 @@ def plot(chart: Chart) -> dict[str, Any]:
         chart.title,
         xaxis=axis(chart.x_label, **_range(chart.x_limits, chart.x_log)),
         yaxis=axis(chart.y_label, **_range(chart.y_limits, chart.y_log)),
-        shapes=[_line(value) for _, value in chart.compared],
-        annotations=[_note(label, value, chart.y_log) for label, value in chart.compared if label],
+        shapes=[_line(value) for _, value in chart.references_shown],
+        annotations=[_note(label, value, chart.y_log) for label, value in chart.references_shown if label],
         showlegend=any(series.name for series in chart.series),
         legend={
             "orientation": "h",

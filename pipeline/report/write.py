@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -66,7 +67,7 @@ def write_report(
     earlier = _listed(folder / LISTING)
     drawn = draw_all(report.figures)
     made = drawn.files | {table.file: _encoded(table.csv()) for table in report.tables}
-    book = begin(partial(workbook, report), drawn.files)
+    book = begin(partial(workbook, replace(report, signals=None)), drawn.files)
     made |= {PAGE: _encoded(html(report, drawn)), WORKBOOK: book()}
     names = [name for name in report_files(report, summed_up=summed_up) if name != LISTING]
     if summed_up:

@@ -107,7 +107,7 @@ def test_the_waves_of_a_hum_hold_it(tmp_path: Path) -> None:
     m = recorded.motion
     moved = recorded.thin(np.stack([m.position, m.speed, m.acceleration, np.ones_like(m.speed)], 1))
     (found,) = hum_beside(recorded, moved, case.prepare.low_pass_hz)
-    assert found.covariates == ("frequency of 5.3 Hz",)
+    assert found.covariates == ("a hum of 5.3 Hz",)
     beside = np.hstack([moved, found.columns])
     size = np.linalg.lstsq(beside, recorded.force, rcond=None)[0][-2:]
     assert np.hypot(*size) == pytest.approx(6.0, rel=0.1)
@@ -120,7 +120,7 @@ def test_a_hum_is_where_the_force_of_a_slide_differs_and_no_term_explains_it(tmp
     recorded = read_one(case.fit[0], case)
     searched = search_record(case, recorded, np.random.default_rng(1))
     (place, *_) = searched.mismatch.locations
-    assert place.name == "frequency of 5.3 Hz"
+    assert place.name == "a hum of 5.3 Hz"
     assert searched.found is not None
     assert not searched.found.may_be_named
     (family,) = (each for each in searched.looked if each.covariates[0] == place.name)
@@ -130,7 +130,7 @@ def test_a_hum_is_where_the_force_of_a_slide_differs_and_no_term_explains_it(tmp
 def test_a_slide_without_one_has_no_such_place(tmp_path: Path) -> None:
     case = read_case(make_case(tmp_path, plain, 3))
     looked = search_record(case, read_one(case.fit[0], case), np.random.default_rng(1)).looked
-    assert not [family for family in looked if family.covariates[0].startswith("frequency")]
+    assert not [family for family in looked if family.covariates[0].startswith("a hum")]
 
 
 def test_a_cause_is_named_beside_a_hum_which_is_told_as_what_is_left(tmp_path: Path) -> None:
@@ -141,4 +141,4 @@ def test_a_cause_is_named_beside_a_hum_which_is_told_as_what_is_left(tmp_path: P
     found = diagnose_terms(case, read_one(case.fit[0], case), None, np.random.default_rng(1))
     assert found.verdict is Verdict.NAMED
     assert [fit.identifier for fit in found.steps[-1].fitted.fits] == ["coulomb"]
-    assert [place.name for place in found.left_over.locations] == ["frequency of 5.3 Hz"]
+    assert [place.name for place in found.left_over.locations] == ["a hum of 5.3 Hz"]

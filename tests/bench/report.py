@@ -50,7 +50,6 @@ STAGES: dict[str, str] = {
     "campaign_page": "page built",
     "draw_all": "figures drawn",
     "html": "page written",
-    "workbook": "workbook",
 }
 """Stages of a run that are timed -> what they are."""
 

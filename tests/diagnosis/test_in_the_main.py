@@ -17,7 +17,7 @@ from pmg.pipeline.diagnosis.engine.found_set import Naming
 from pmg.pipeline.diagnosis.engine.held_out import HeldOut
 from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
-from pmg.pipeline.diagnosis.grid.rivals import NOT_PROVED, TOO_WEAK, why_weak
+from pmg.pipeline.diagnosis.grid.rivals import IN_PART, NOT_PROVED, TOO_WEAK, why_weak
 from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, without_held
 
 if TYPE_CHECKING:
@@ -190,21 +190,28 @@ def test_a_law_that_holds_the_leading_one_and_adds_nothing_is_no_rival(
 
 
 @pytest.mark.parametrize(
-    ("kept", "low", "of_a_kind", "after", "verdict", "weak"),
+    ("kept", "low", "of_a_kind", "after", "left", "verdict", "weak"),
     [
-        (1.0, 0.4, False, 1.05, Verdict.NAMED, False),
-        (1.0, 0.4, True, 1.05, Verdict.AMBIGUOUS, True),
-        (1.0, 0.4, False, 2.2, Verdict.AMBIGUOUS, True),
-        (1.0, -0.1, True, 2.2, Verdict.NOT_IN_LIBRARY, False),
-        (0.75, 0.4, True, 1.05, Verdict.NOT_IN_LIBRARY, False),
+        (1.0, 0.4, False, 1.05, 14.0, Verdict.NAMED, False),
+        (1.0, 0.4, False, 1.05, 16.0, Verdict.AMBIGUOUS, True),
+        (1.0, 0.4, True, 1.05, 12.0, Verdict.AMBIGUOUS, True),
+        (1.0, 0.4, False, 2.2, 12.0, Verdict.AMBIGUOUS, True),
+        (1.0, -0.1, True, 2.2, 12.0, Verdict.NOT_IN_LIBRARY, False),
+        (0.75, 0.4, True, 1.05, 12.0, Verdict.NOT_IN_LIBRARY, False),
     ],
 )
 def test_what_leaves_a_small_part_is_what_may_be_where_only_rows_of_its_kind_bear_it_out(
-    kept: float, low: float, of_a_kind: bool, after: float, verdict: Verdict, weak: bool
+    kept: float, low: float, of_a_kind: bool, after: float, left: float, verdict: Verdict, weak: bool
 ) -> None:
     """Or where it predicts a part for sure, as a cause of another form does, and every part of the rows names it."""
     held = replace(proof(after, kept), gain_interval=(low, 1.0), of_a_kind=of_a_kind)
-    found = conclude(NOTHING, MotionCatalogue(), named(SEEN), lambda _: held)
+    naming = named(replace(SEEN, excess=left))
+    found = conclude(NOTHING, MotionCatalogue(), naming, lambda _: held)
     assert (found.verdict, found.weak) == (verdict, weak)
+    assert found.in_part is weak
     if weak:
-        assert why_weak(found) == NOT_PROVED
+        assert why_weak(found) == IN_PART
+    unseen = replace(held, rmse_before=1.01, rmse_after=1.0, fall=101.0)
+    assert conclude(NOTHING, MotionCatalogue(), naming, lambda _: replace(unseen, kept=0.75)).verdict is (
+        Verdict.NOT_IN_LIBRARY
+    )

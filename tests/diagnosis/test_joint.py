@@ -65,6 +65,7 @@ def told(
     by_parts: int = 0,
     p_value: float = CERTAIN,
     sizes: Mapping[str, tuple[float, float]] | None = None,
+    in_part: bool = False,
 ) -> Told:
     """A kind that leaves some sets of causes, of even evidence where none is given."""
     known = dict.fromkeys((tuple(one.items()) for one in sets), 100.0) | {tuple(c.items()): s for c, s in worth}
@@ -81,7 +82,10 @@ def told(
         )
         for one in sets
     ]
-    naming: Any = SimpleNamespace(best=each[0], rivals=each[1:], shafts=sets[0], by_parts=by_parts) if sets else None
+    naming: Any = None
+    if sets:
+        rest = {"by_parts": by_parts, "weak": (), "explained": not in_part}
+        naming = SimpleNamespace(best=each[0], rivals=each[1:], shafts=sets[0], **rest)
     found = Verdict.NAMED if len(sets) == 1 else Verdict.AMBIGUOUS if sets else Verdict.CONSISTENT
     conclusion: Conclusion[Any, Any] = Conclusion(verdict=verdict or found, naming=naming, weak=weak)
     problem, catalogue = SimpleNamespace(left=np.zeros(ROWS)), SimpleNamespace(form_margin=FORM_MARGIN)
@@ -180,6 +184,14 @@ def test_what_is_too_weak_to_be_named_excludes_nothing_and_may_stand_beside_it()
     fainter = told({VISCOSITY: "ring"}, worth=(({VISCOSITY: "ring"}, 8.0),), verdict=Verdict.AMBIGUOUS, weak=True)
     found = join(fainter, told({INERTIA: "ring"}))
     assert (found.verdict, found.sets) == (Verdict.NAMED, ({INERTIA: "ring"},))
+
+
+def test_what_is_borne_out_in_part_is_strong_and_leaves_room_for_something_else() -> None:
+    strong = told({VISCOSITY: "ring"}, verdict=Verdict.AMBIGUOUS, weak=True, in_part=True)
+    for kinds in ((strong, told({INERTIA: "ring"})), (told({INERTIA: "ring"}), strong)):
+        found = join(*kinds)
+        assert found.sets == ({INERTIA: "ring", VISCOSITY: "ring"},)
+        assert (found.verdict, found.something_else) == (Verdict.AMBIGUOUS, True)
 
 
 def test_a_kind_without_a_law_for_a_cause_does_not_exclude_it() -> None:

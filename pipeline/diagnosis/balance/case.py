@@ -126,6 +126,11 @@ class Case:
     findings: tuple[Finding, ...] = ()
 
     @property
+    def free_terms(self) -> tuple[Term[Motion], ...]:
+        """Terms of the baseline whose amplitudes are free."""
+        return tuple(t for name in self.baseline for t in self.library if t.key == name and name not in self.fixed)
+
+    @property
     def stated(self) -> tuple[SetTerm, ...]:
         """All that is known beside the baseline, gains of transducers too."""
         return (*self.known, *self.gains)

@@ -210,7 +210,7 @@ def _judged(
     contests: tuple[Contest, ...] = ()
     verdict = Verdict.CONSISTENT if found is None else Verdict.NOT_IN_LIBRARY
     if found is not None and named:
-        plain = np.hstack([design_of(recorded, s.free, ()), s.turned])
+        plain = np.hstack([design_of(recorded, s.free, ()), s.apart])
         rows = withheld_samples(recorded, s.problem, noise, plain)
         held = withhold(rows, TermCatalogue(refine=False), named, rng, apart)
         conclusion = conclude(s.problem, TermCatalogue(), found, lambda _: held)
@@ -238,7 +238,7 @@ def _judged(
         recorded=recorded,
         withheld=withheld,
         noise=s.noise,
-        mismatch=s.mismatch,
+        mismatch=s.mismatch if verdict.names else find_together(s.noise, s.evidence.null, *s.tested),
         steps=steps,
         refinements=refinements,
         dropped=dropped,

@@ -43,7 +43,7 @@ class LowPassTried:
     keep_every : int
         Samples of which one was kept.
     p_value : float
-        Of any mismatch.
+        Of any mismatch but a hum.
     fits : tuple of TermFit
         Terms of the leading set, the first to enter first.
     explained : bool
@@ -127,8 +127,10 @@ def try_low_passes(case: Case, rng: np.random.Generator) -> tuple[LowPassTried, 
         except RecordingError:
             continue
         s = search_record(other, recorded, rng)
-        last = LowPassTried(prepare.low_pass_hz, prepare.keep_every, s.mismatch.p_value, s.named)
-        if s.found is not None and s.named:
+        alone = s.p_beside_hum is not None
+        p_value = s.mismatch.p_value if s.p_beside_hum is None else s.p_beside_hum
+        last = LowPassTried(prepare.low_pass_hz, prepare.keep_every, p_value, () if alone else s.named)
+        if s.found is not None and last.fits:
             fitted = fit_together(s.recorded, s.noise.noise, s.free, s.named)
             sizes = tuple(e for e in fitted.estimates if e.term in last.ids)
             last = replace(last, explained=s.found.explained, sizes=sizes, impossible=bool(impossible_in(fitted)))

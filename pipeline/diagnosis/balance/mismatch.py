@@ -66,7 +66,7 @@ def find_mismatch(evidence: Evidence, families: tuple[ResidualStructure, ...]) -
 def find_together(
     noise: NoiseModel, null: Array, *left: tuple[TermProblem, tuple[ResidualStructure, ...]]
 ) -> Mismatch[Place]:
-    """Mismatches of rows that are told one after the other, each by families of its own, as one.
+    """Mismatches of rows that are told one after the other, each by families of its own, as one, in that order.
 
     Parameters
     ----------
@@ -79,4 +79,5 @@ def find_together(
     """
     found = [find_mismatch(record_evidence(noise, problem, looked, null), looked) for problem, looked in left]
     places = tuple(place for each in found for place in each.locations)
-    return replace(found[-1], p_value=min(each.p_value for each in found), locations=places)
+    p_value = min(1.0, len(found) * min(each.p_value for each in found))
+    return replace(found[-1], p_value=p_value, locations=places, tested=sum(each.tested for each in found))

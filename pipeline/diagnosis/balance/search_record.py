@@ -49,11 +49,6 @@ SEARCHES, AGAIN = 3, 3
 """Searches at most, and repeated fits of the baseline together with a fault that changes its force."""
 
 
-def _free_terms(case: Case) -> tuple[Term[Motion], ...]:
-    """Terms of the baseline whose amplitudes are free."""
-    return tuple(t for name in case.baseline for t in case.library if t.key == name and name not in case.fixed)
-
-
 def _shows_gain(case: Case) -> bool:
     """Whether a size is known that does not grow with the gain of the drive: neither its zero, nor a fault of it."""
     sure = (each for each in case.known if not each.term.of_model and each.term.identifier != ZERO)
@@ -111,9 +106,10 @@ def _with_second(problem: TermProblem, case: Case) -> TermProblem:
 class Searched:
     """A record searched: its noise, families and evidence about the free terms of the baseline, and what was found.
 
-    The moments of reversal are free in `problem` and not in `for_refinements`; `turned` (n, k) are their columns, and
-    those of a `hum` beside which the record differs. It is not free in `shows_hum`.
-    In `recorded`, the baseline was fitted together with the terms `fitted`, and rows have the noise these add.
+    The moments of reversal are free in `problem` and not in `for_refinements`; `apart` (n, k) are their columns, and
+    those of a `hum` beside which the record differs. It is not free in `shows_hum`. Where the record differs by nothing
+    else, `p_beside_hum` is the p-value of the rest. In `recorded`, the baseline was fitted together with the terms
+    `fitted`, and rows have the noise these add.
     """
 
     case: Case
@@ -127,10 +123,11 @@ class Searched:
     for_refinements: TermProblem
     shows_hum: TermProblem
     hum: tuple[ResidualStructure, ...]
-    turned: Array
+    apart: Array
     mismatch: Mismatch[Place]
     found: TermNaming | None
     named: tuple[TermFit, ...]
+    p_beside_hum: float | None = None
 
     @property
     def tested(self) -> tuple[tuple[TermProblem, tuple[ResidualStructure, ...]], ...]:
@@ -148,7 +145,7 @@ class Searched:
 def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> Searched:
     """The mismatch test and the search of the library, beside a hum where the record differs by more than one."""
     given = _less_sure(recorded, case.known)
-    free, searched = _free_terms(case), _searched_terms(case, recorded)
+    free, searched = case.free_terms, _searched_terms(case, recorded)
     looked, coarse = families_of(given, case.axis), tabulate(given, searched, coarse=True)
     asked = _Inquiry(free, searched, coarse, reversals(given, case.axis.rises), looked)
     fitted, columns = for_search(given, free, ())
@@ -157,7 +154,8 @@ def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> S
         beside = _search(case, given, replace(asked, hum=hum), rng)
         if beside.mismatch.found:
             return beside
-    return _search(case, given, replace(asked, line=hum), rng)
+        return replace(_search(case, given, replace(asked, line=hum), rng), p_beside_hum=beside.mismatch.p_value)
+    return _search(case, given, asked, rng)
 
 
 @dataclass(frozen=True)
@@ -178,7 +176,12 @@ class _Inquiry:
     @property
     def apart(self) -> Array:
         """Columns (n, k) beside those of the free terms."""
-        return np.hstack([self.turned, *(family.columns for family in self.hum)])
+        return np.hstack([self.turned, *self.waves])
+
+    @property
+    def waves(self) -> list[Array]:
+        """Columns of a hum that is free."""
+        return [family.columns for family in self.hum]
 
 
 def _search(case: Case, whole: Recorded, asked: _Inquiry, rng: np.random.Generator) -> Searched:
@@ -222,23 +225,10 @@ def _search(case: Case, whole: Recorded, asked: _Inquiry, rng: np.random.Generat
         as_fitted = _of_kind(fit.candidate for fit in named) == _of_kind(each.term for each in fitted)
         if as_fitted and (turn > 0 or found.best.ids == before):
             break
-    return Searched(
-        case=case,
-        recorded=given,
-        fitted=fitted,
-        free=free,
-        noise=noise,
-        looked=looked,
-        evidence=evidence,
-        problem=problem,
-        for_refinements=_about(problem, noise, recorded, columns),
-        shows_hum=_about(problem, noise, recorded, np.hstack([columns, asked.turned])),
-        hum=asked.hum,
-        turned=asked.apart,
-        mismatch=mismatch,
-        found=found,
-        named=named,
-    )
+    refined = _about(problem, noise, recorded, np.hstack([columns, *asked.waves]))
+    shows_hum = _about(problem, noise, recorded, np.hstack([columns, asked.turned]))
+    about = (looked, evidence, problem, refined, shows_hum, asked.hum, asked.apart)
+    return Searched(case, given, fitted, free, noise, *about, mismatch, found, named)
 
 
 def _about(problem: TermProblem, noise: NoiseModel, recorded: Recorded, columns: Array) -> TermProblem:

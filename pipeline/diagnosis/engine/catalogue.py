@@ -56,6 +56,10 @@ class CandidateCatalogue(ABC, Generic[F, P]):
         del count
         return 0.0
 
+    def left_by_named(self, count: int) -> float:
+        """The same where withheld rows bear them out and they are named."""
+        return self.left_in_the_main(count)
+
     def foretells(self, fits: tuple[F, ...]) -> bool:
         """Whether the laws of some fits foretell withheld rows to the noise; one that small errors upset does not."""
         del fits

@@ -67,8 +67,13 @@ class Conclusion(Generic[F, P]):
 
     @property
     def unproved(self) -> bool:
-        """Whether the set is what may make it because withheld rows do not bear it out, though it explains the rest."""
+        """Whether the set is what may make it because withheld rows do not bear it out, or do so in part."""
         return self.weak and self.naming is not None and not self.naming.weak
+
+    @property
+    def in_part(self) -> bool:
+        """Whether that set leaves more than noise: the mismatch is strong, and withheld rows bear out most of it."""
+        return self.unproved and self.naming is not None and not self.naming.explained
 
 
 def conclude(
@@ -101,7 +106,7 @@ def conclude(
     """
     if naming.may_be_named and not naming.weak:
         held = prove(naming.best)
-        proved = held is not None and _proved(catalogue, naming, held)
+        proved = held is not None and borne_out(catalogue, naming, held)
         if held is not None and proved and (held.shows(naming.best.gain) or not catalogue.tells_weak):
             naming = _with_parts(problem, catalogue, naming, held)
             verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
@@ -131,25 +136,32 @@ def _place(problem: P, naming: Naming[F, P], fit: F) -> str:
     return "either" if level and fit.place != "both" else fit.place
 
 
-def _proved(catalogue: CandidateCatalogue[F, P], naming: Naming[F, P], held: HeldOut) -> bool:
-    """Whether withheld rows bear a set out, as a whole or in the main."""
+def borne_out(catalogue: CandidateCatalogue[F, P], naming: Naming[F, P], held: HeldOut) -> bool:
+    """Whether withheld rows bear a set out, as a whole or in the main.
+
+    What leaves more than noise must leave little, and be foretold by rows of another kind.
+    """
     if naming.explained and held.predicts:
         return True
     nothing_seen = naming.remainder.p_value >= ORDINARY or not catalogue.foretells(naming.best.fits)
     unseen = nothing_seen and held.left <= UNPREDICTED
-    return naming.in_the_main and held.kept == 1.0 and not held.of_a_kind and (held.predicts or unseen)
+    little = naming.remainder.excess < catalogue.left_by_named(len(naming.best.fits)) * naming.best.gain
+    in_the_main = naming.in_the_main and (naming.explained or (little and not held.of_a_kind))
+    return in_the_main and held.kept == 1.0 and (held.predicts or unseen)
 
 
 def _may_be(naming: Naming[F, P], held: HeldOut) -> bool:
     """Whether withheld rows leave open what they do not bear out: they do not show it, or it predicts a part for sure.
 
     A part counts where nothing else is seen in what the set leaves, where it is worth as much on withheld rows as on
-    those of the fit, or where every part of the rows names what is the cause in the main.
+    those of the fit, or of a cause in the main. That one must be named by every part of the rows.
     """
+    if not naming.explained and held.kept < 1.0:
+        return False
     if not held.tells:
         return held.rmse_after <= NOT_WORSE * held.rmse_before
     as_much = held.fall >= naming.best.gain and held.rmse_after < held.rmse_before
-    alone = naming.remainder.p_value >= ORDINARY or (naming.in_the_main and held.kept == 1.0)
+    alone = naming.remainder.p_value >= ORDINARY or not naming.explained
     return as_much or (alone and held.gain_interval[0] > 0.0)
 
 

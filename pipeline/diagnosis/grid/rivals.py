@@ -28,6 +28,7 @@ of trials, a third cause, or one that explains less, was the true one as rarely 
 
 TOO_WEAK = "too weak to name one cause", "The difference is too weak to name one cause"
 NOT_PROVED = "no cause proved", "Data that took no part in the fit prove no cause"
+IN_PART = "a cause borne out in part", "Data that took no part in the fit bear out a part only"
 """Why there is a set of what may be: in a few words, and as a sentence."""
 
 NONE_KNOWN = {
@@ -106,6 +107,8 @@ def _rival(diagnosis: Diagnosis, place: int) -> dict[str, Any]:
 
 def why_weak(conclusion: Conclusion[Any, Any]) -> tuple[str, str]:
     """Why what is told is no more than what may be."""
+    if conclusion.in_part:
+        return IN_PART
     return NOT_PROVED if conclusion.unproved else TOO_WEAK
 
 

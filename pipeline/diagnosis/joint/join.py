@@ -113,7 +113,8 @@ def join(steady: KindOfEvidence[Any, Any], moving: KindOfEvidence[Any, Any]) -> 
         return JointDiagnosis(none, p_value)
     alone = [_weighed(kinds, causes, apart) for causes, apart in _distinct(kinds)]
     left = _left(kinds, alone, alone) or _left(kinds, alone, _together(kinds))
-    unexplained = any(not kind.sets and kind.p_value <= FALSE_ALARM_RATE for kind in kinds)
+    open_ = (kind.conclusion.in_part or (not kind.sets and kind.p_value <= FALSE_ALARM_RATE) for kind in kinds)
+    unexplained = any(open_)
     if not left:
         leading = tuple({frozenset(kind.sets[0][0].items()): kind.sets[0][0] for kind in naming}.values())
         weights = (1.0 / len(leading),) * len(leading)
@@ -187,7 +188,7 @@ def _left(kinds: Kinds, alone: list[_JointSet], tried: list[_JointSet]) -> list[
         excluded = (
             own[k] - each.fair[k] > kind.margin
             for k, kind in enumerate(kinds)
-            if not (each.apart_in[k] or kind.conclusion.weak or kind.lacks(each.causes))
+            if not (each.apart_in[k] or kind.tells_little or kind.lacks(each.causes))
         )
         return each.disagreement <= limit and not any(excluded)
 
@@ -215,7 +216,7 @@ def _beside_weak(kinds: Kinds, alone: list[_JointSet], best: _JointSet) -> list[
     It is as likely as the leading set: a mismatch that is too weak to be named says no more.
     """
     for k, (kind, own) in enumerate(zip(kinds, _own(kinds, alone), strict=True)):
-        if not kind.conclusion.weak or own - best.fair[k] <= kind.margin or kind.lacks(best.causes):
+        if not kind.tells_little or own - best.fair[k] <= kind.margin or kind.lacks(best.causes):
             continue
         pairs = [_weighed(kinds, best.causes | one) for one in _beside(best.causes, kind)]
         pairs = [each for each in pairs if each.disagreement <= _limit(kinds) and each.causes != best.causes]

@@ -101,6 +101,11 @@ class KindOfEvidence(ABC, Generic[F, P]):
         return ((best, False), *((rival, place >= apart) for place, rival in enumerate(rivals)))
 
     @property
+    def tells_little(self) -> bool:
+        """Whether its mismatch is too weak to name a cause, or to exclude one; what it bears out in part is strong."""
+        return self.conclusion.weak and not self.conclusion.in_part
+
+    @property
     def cost(self) -> float:
         """What a parameter costs [noise variances]."""
         return math.log(len(self.problem.left))

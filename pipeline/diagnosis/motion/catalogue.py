@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, TermNaming, TermSet
+from pmg.pipeline.diagnosis.balance.catalogue import IN_THE_MAIN, TermCatalogue, TermNaming, TermSet
 from pmg.pipeline.diagnosis.balance.fitting import fit_term
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.motion.candidates.reading_terms import HELD
@@ -49,8 +49,8 @@ LATE = frozenset(("transducer_bandwidth", "channel_delay"))
 """What makes a torque come late; of it, a set holds one."""
 
 MAIN_LEAVES = 0.25
-"""Part of the gain of a single mechanism that may be left where it is the cause in the main. Play, a drag of the gear
-and mixed lubrication of another form than in the catalogue left 0.08 to 0.19; what no mechanism is, 1.4 and more."""
+"""Part of the gain of a single mechanism that may be left where it may be the cause in the main. Play, a drag of the
+gear and mixed lubrication of another form than in the catalogue left 0.08 to 0.19, what no mechanism is 1.4 or more."""
 
 SMALL_REST = 0.01
 """Part of the torque that a constant moves which it may leave over, and pass for the error of its form."""
@@ -78,6 +78,10 @@ class MotionCatalogue(TermCatalogue):
     def left_in_the_main(self, count: int) -> float:
         """A part of the gain that the mechanisms share: two together come near much that is neither."""
         return MAIN_LEAVES / max(count, 1)
+
+    def left_by_named(self, count: int) -> float:
+        """Less: what leaves more is told as what may be."""
+        return IN_THE_MAIN / max(count, 1)
 
     def weak_below(self, leading: tuple[TermFit, ...]) -> float:
         """Gain below which an effect of another kind may pass: less where a constant is plainly off its data sheet."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
-from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, conclude
+from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, borne_out, conclude
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 from pmg.pipeline.diagnosis.motion.candidates.library import library
@@ -178,6 +178,11 @@ def _proof(
     out by runs nevertheless, where every part of them names it. None where there is too little to withhold.
     """
 
+    def proves(held: HeldOut, best: Explanation[TermFit, TermProblem]) -> bool:
+        if naming.explained:
+            return held.predicts and held.shows(best.gain)
+        return borne_out(MotionCatalogue(), naming, held)
+
     def prove(best: Explanation[TermFit, TermProblem]) -> HeldOut | None:
         def held(rows: WithheldRuns) -> HeldOut | None:
             if len(np.unique(rows.fold[rows.fold < rows.folds])) < 2:
@@ -185,8 +190,7 @@ def _proof(
             return withhold(rows, MotionCatalogue(refine=False), best.fits, rng, bent=best.bent > 0.0)
 
         of_kinds = held(by_kind(found, best.fits))
-        proved = of_kinds is not None and of_kinds.predicts and of_kinds.shows(best.gain)
-        if of_kinds is not None and (proved or not naming.may_be_named):
+        if of_kinds is not None and (not naming.may_be_named or proves(of_kinds, best)):
             return of_kinds
         of_runs = held(by_run(found, best.fits))
         if of_kinds is not None and (of_runs is None or of_runs.kept < 1.0):

@@ -192,7 +192,9 @@ def proof_sentence(diagnosis: MotionDiagnosis) -> str:
     change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")
     before, after = held.rmse_before / MILLI, held.rmse_after / MILLI
     digits = 1 if f"{before:.1f}" != f"{after:.1f}" else 2
-    main = "" if diagnosis.weak else in_the_main_sentence(diagnosis.naming, diagnosis.held_out)
+    main = (
+        "" if diagnosis.weak and not diagnosis.in_part else in_the_main_sentence(diagnosis.naming, diagnosis.held_out)
+    )
     return (
         f"With it in the model, the error on runs not used for the fit {change} from "
         f"{before:.{digits}f} to {after:.{digits}f} mN m; noise alone makes "

@@ -90,7 +90,7 @@ def hum_beside(recorded: Recorded, structured: Array, low_pass: float) -> tuple[
     recording = np.searchsorted(recorded.starts, np.arange(len(left)), side="right")
     own = recording[:, None] == np.arange(1, len(recorded.starts) + 1)
     columns = np.hstack([wave[:, None] * own for wave in waves.T])
-    return (ResidualStructure("force", "all", (f"frequency of {frequency:.1f} Hz",), columns),)
+    return (ResidualStructure("force", "all", (f"a hum of {frequency:.1f} Hz",), columns),)
 
 
 def _hum_in(
