@@ -28,7 +28,7 @@ of trials, a third cause, or one that explains less, was the true one as rarely 
 
 TOO_WEAK = "too weak to name one cause", "The difference is too weak to name one cause"
 NOT_PROVED = "no cause proved", "Data that took no part in the fit prove no cause"
-IN_PART = "a cause borne out in part", "Data that took no part in the fit bear out a part only"
+IN_PART = "likely cause, proved in part", "Data that took no part in the fit bear out a part only"
 """Why there is a set of what may be: in a few words, and as a sentence."""
 
 NONE_KNOWN = {
