@@ -19,6 +19,7 @@ from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.rivals import IN_PART, NOT_PROVED, TOO_WEAK, why_weak
 from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, without_held
+from pmg.pipeline.diagnosis.motion.places import where_to_look
 
 if TYPE_CHECKING:
     from pmg.sim.signals import Array
@@ -215,3 +216,12 @@ def test_what_leaves_a_small_part_is_what_may_be_where_only_rows_of_its_kind_bea
     assert conclude(NOTHING, MotionCatalogue(), naming, lambda _: replace(unseen, kept=0.75)).verdict is (
         Verdict.NOT_IN_LIBRARY
     )
+
+
+def test_of_a_likely_cause_the_part_on_which_it_acts_is_to_be_inspected() -> None:
+    fits = [SimpleNamespace(candidate=SimpleNamespace(component=part)) for part in ("magnetic_gear", "sun_coupling")]
+    naming = SimpleNamespace(rivals=(), best=SimpleNamespace(fits=fits))
+    likely: Any = SimpleNamespace(in_part=True, naming=naming, mismatch=SimpleNamespace(locations=()))
+    assert where_to_look(likely) == "the magnetic gear and the sun coupling"
+    naming.rivals = (naming.best,)
+    assert where_to_look(likely) == "the bench"

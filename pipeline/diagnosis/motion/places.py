@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET, OFF_SHEET
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
     from pmg.pipeline.diagnosis.motion.mismatch import MotionPlace
 
@@ -73,7 +74,10 @@ def largest_of(diagnosis: MotionDiagnosis) -> MotionPlace:
 
 
 def where_to_look(diagnosis: MotionDiagnosis) -> str:
-    """Constant, or shaft and runs, in which the difference is largest."""
+    """Part on which a likely cause acts; else constant, or shaft and runs, in which the difference is largest."""
+    if diagnosis.in_part and diagnosis.naming is not None and not diagnosis.naming.rivals:
+        parts = (cast("MotionTerm", fit.candidate).component for fit in diagnosis.naming.best.fits)
+        return f"the {' and the '.join(dict.fromkeys(part.replace('_', ' ') for part in parts))}"
     if not diagnosis.mismatch.locations:
         return "the bench"
     place = largest_of(diagnosis)
