@@ -507,6 +507,6 @@ def test_where_to_look_is_where_most_of_the_difference_is() -> None:
         MotionPlace(Family(side, "engaged", "speed"), p_value, size)
         for side, p_value, size in (("sun", 0.001, 1e-4), ("ring", 0.01, 3e-4))
     )
-    diagnosis = cast("MotionDiagnosis", SimpleNamespace(mismatch=SimpleNamespace(locations=places)))
+    diagnosis = cast("MotionDiagnosis", SimpleNamespace(in_part=False, mismatch=SimpleNamespace(locations=places)))
     assert largest_place(diagnosis).startswith("the ring torque in engaged runs")
     assert where_to_look(diagnosis) == "the ring shaft in engaged runs"
