@@ -29,6 +29,7 @@ LISTING = "report-files.json"
 """Files of the report; the next one removes those it no longer makes, and nothing else."""
 
 _OURS = re.compile(r"figures/[a-z0-9_-]+\.(png|svg)|tables/[a-z0-9_-]+\.csv|figures\.pdf|report\.xlsx|summary\.json")
+"""Files of a report, and what earlier versions wrote."""
 
 
 def report_files(report: Report, *, summed_up: bool = True) -> tuple[str, ...]:

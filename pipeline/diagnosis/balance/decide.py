@@ -238,7 +238,7 @@ def _judged(
         recorded=recorded,
         withheld=withheld,
         noise=s.noise,
-        mismatch=s.mismatch if verdict.names else find_together(s.noise, s.evidence.null, *s.tested),
+        mismatch=find_together(s.noise, s.evidence.null, *s.tested) if s.hum and not verdict.names else s.mismatch,
         steps=steps,
         refinements=refinements,
         dropped=dropped,
