@@ -66,7 +66,7 @@ def find_mismatch(evidence: Evidence, families: tuple[ResidualStructure, ...]) -
 def find_together(
     noise: NoiseModel, null: Array, *left: tuple[TermProblem, tuple[ResidualStructure, ...]]
 ) -> Mismatch[Place]:
-    """Mismatches of rows that are told one after the other, each by families of its own, as one, in that order.
+    """One mismatch test of several problems, each against its own families; places stand in the order given.
 
     Parameters
     ----------

@@ -106,10 +106,10 @@ def _with_second(problem: TermProblem, case: Case) -> TermProblem:
 class Searched:
     """A record searched: its noise, families and evidence about the free terms of the baseline, and what was found.
 
-    The moments of reversal are free in `problem` and not in `for_refinements`; `apart` (n, k) are their columns, and
-    those of a `hum` beside which the record differs. It is not free in `shows_hum`. Where the record differs by nothing
-    else, `p_beside_hum` is the p-value of the rest. In `recorded`, the baseline was fitted together with the terms
-    `fitted`, and rows have the noise these add.
+    The moments of reversal are free in `problem` and not in `for_refinements`; `apart` (n, k) are their columns and
+    those of a `hum`, if the record differs by more than the hum. `shows_hum` is the problem without its columns. If the
+    hum is all that differs, `p_beside_hum` is the p-value of everything else. In `recorded`, the baseline was fitted
+    together with the terms `fitted`, and rows have the noise these add.
     """
 
     case: Case
@@ -131,9 +131,9 @@ class Searched:
 
     @property
     def tested(self) -> tuple[tuple[TermProblem, tuple[ResidualStructure, ...]], ...]:
-        """Rows, and what they may follow: a hum by itself, then all else beside it."""
-        beside = ((self.shows_hum, self.hum),) if self.hum else ()
-        return (*beside, (self.problem, self.looked))
+        """Problems with the families to test: first the hum alone, then everything else with the hum removed."""
+        of_hum = ((self.shows_hum, self.hum),) if self.hum else ()
+        return (*of_hum, (self.problem, self.looked))
 
     def alike(self, withheld: Recorded) -> Recorded:
         """Withheld recordings with what the rest of the model gives, and with noise of rows, as here."""
@@ -143,7 +143,7 @@ class Searched:
 
 
 def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> Searched:
-    """The mismatch test and the search of the library, beside a hum where the record differs by more than one."""
+    """The mismatch test and the search of the library; a hum is removed first if the record differs by more than it."""
     given = _less_sure(recorded, case.known)
     free, searched = case.free_terms, _searched_terms(case, recorded)
     looked, coarse = families_of(given, case.axis), tabulate(given, searched, coarse=True)
@@ -226,7 +226,8 @@ def _search(case: Case, whole: Recorded, asked: _Inquiry, rng: np.random.Generat
         if as_fitted and (turn > 0 or found.best.ids == before):
             break
     refined = _about(problem, noise, recorded, np.hstack([columns, *asked.waves]))
-    shows_hum = _about(problem, noise, recorded, np.hstack([columns, asked.turned]))
+    with_hum = np.hstack([columns, asked.turned])
+    shows_hum = _about(problem, noise, recorded, with_hum) if asked.hum else problem
     about = (looked, evidence, problem, refined, shows_hum, asked.hum, asked.apart)
     return Searched(case, given, fitted, free, noise, *about, mismatch, found, named)
 

@@ -113,8 +113,8 @@ def join(steady: KindOfEvidence[Any, Any], moving: KindOfEvidence[Any, Any]) -> 
         return JointDiagnosis(none, p_value)
     alone = [_weighed(kinds, causes, apart) for causes, apart in _distinct(kinds)]
     left = _left(kinds, alone, alone) or _left(kinds, alone, _together(kinds))
-    open_ = (kind.conclusion.in_part or (not kind.sets and kind.p_value <= FALSE_ALARM_RATE) for kind in kinds)
-    unexplained = any(open_)
+    unexplained = any(not kind.sets and kind.p_value <= FALSE_ALARM_RATE for kind in kinds)
+    unexplained |= any(kind.conclusion.in_part for kind in kinds)
     if not left:
         leading = tuple({frozenset(kind.sets[0][0].items()): kind.sets[0][0] for kind in naming}.values())
         weights = (1.0 / len(leading),) * len(leading)
