@@ -92,9 +92,9 @@ class MotionEvidence:
         Of the constants of the baseline.
     granted : (m, g) array
         Of what any machine may have, which is free beside them.
-    swinging : dict of str to (m, 1) array
-        By shaft, what the torque of a mass on a spring follows beyond its inertia. It is not looked for in itself: the
-        noise of an acceleration follows it, too.
+    swinging : dict of str to (m, 2) array
+        By shaft, what the torque of a mass on a spring follows beyond its inertia, smoothed and plain. It is not looked
+        for in itself: the noise of an acceleration follows it, too.
     y : (m,) array
         Measured less predicted.
     scatter : float

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array
 
-SLOWED, SLOWED_LESS = 51, 31
-"""Fine samples over which a covariate is smoothed: a tenth of a second; and an acceleration before it is derived twice,
-as the noise of the angle is most of what is left of it otherwise."""
+SLOWED, SLOWED_LESS = 51, 21
+"""Fine samples over which a covariate is smoothed: a tenth of a second; and, twice, an acceleration before it is derived
+twice, as the noise of the angle is most of what is left of it otherwise: once would let through too much of that."""
 
 SWINGING = "second derivative of the acceleration"
 """What the torque of a mass on a spring follows beyond its inertia, below its resonance."""
@@ -103,10 +103,10 @@ def slow_structures(views: list[RotorView]) -> list[Array]:
 
 
 def _swinging(view: RotorView) -> Array:
-    """Second derivative of the acceleration (n, 1)."""
-    rate = view.state.stretch.run.fine_rate
-    slowed = _slowed(view.state.acceleration, SLOWED_LESS)
-    return derivative(derivative(slowed, rate), rate)[:, None]
+    """Second derivative of the acceleration (n, 2), smoothed first, so that little noise is left in it, and plain."""
+    rate, acceleration = view.state.stretch.run.fine_rate, view.state.acceleration
+    both = (_slowed(_slowed(acceleration, SLOWED_LESS), SLOWED_LESS), acceleration)
+    return np.stack([derivative(derivative(each, rate), rate) for each in both], 1)
 
 
 def _play(view: RotorView) -> Array:

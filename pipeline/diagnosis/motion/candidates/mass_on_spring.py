@@ -22,10 +22,6 @@ FIXED_FROM = 2.7 * BAND
 """Frequency of a resonance [Hz] from which on a mass passes for a fixed one: within the band it is felt as 16 % more
 at most."""
 
-READ_LOW = 1.3
-"""Factor at most by which a resonance may lie above what is read, as the acceleration is smoothed before it is derived
-twice and the torque is not."""
-
 PLAIN = 2.33
 """Standard uncertainties by which a resonance must lie below that: chance does so one time in a hundred."""
 
@@ -44,11 +40,12 @@ def on_spring(naming: TermNaming, found: MotionEvidence) -> TermNaming:
     -----
     A mass m on a spring of resonance :math:`\omega_0` acts on its rotor with :math:`m a / (1 - \omega^2/\omega_0^2)`;
     below the resonance that is :math:`m (a - \ddot a / \omega_0^2)`. That is looked for even where nothing is left: one
-    column shows what is too little among all that a remainder may follow.
+    column shows what is too little among all that a remainder may follow. As most of :math:`\ddot a` is noise, it is
+    looked for along what is left of it when smoothed, an instrument, and told in the size of the plain one.
     """
     for place, fit in enumerate(naming.best.fits):
         if fit.identifier == "rotor_inertia" and _below(naming.best.fits, place, found) > PLAIN:
-            below = f"with a resonance below {READ_LOW * FIXED_FROM:.0f} Hz"
+            below = f"with a resonance below {FIXED_FROM:.0f} Hz"
             why = f"its torque grows with frequency like that of a mass on a spring, {below}"
             return replace(naming, explained=False, in_the_main=False, against=why)
     return naming
@@ -58,9 +55,10 @@ def _below(fits: tuple[TermFit, ...], place: int, found: MotionEvidence) -> floa
     """Standard uncertainties by which the resonance of the mass `fits[place]` lies below `FIXED_FROM`."""
     mass = fits[place]
     slopes = [found.problem.slopes(fit) for fit in fits]
-    columns = np.hstack([found.swinging[mass.place], *slopes, columns_beside(found, fits)])
+    smoothed, plain = found.swinging[mass.place].T
+    columns = np.hstack([smoothed[:, None], *slopes, columns_beside(found, fits)])
     at = 1 + sum(slope.shape[1] for slope in slopes[:place])
     inverse = pseudo_inverse(columns)
     heavier = float(np.sign(mass.amplitudes[0]))
-    weights: Array = -heavier * (inverse[0] + inverse[at] / (REVOLUTION * FIXED_FROM) ** 2)
+    weights: Array = -heavier * (inverse[0] / (inverse[0] @ plain) + inverse[at] / (REVOLUTION * FIXED_FROM) ** 2)
     return float(weights @ found.y) / float(np.sqrt(found.covariance_of(weights[None])[0, 0]))
