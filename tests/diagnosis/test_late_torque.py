@@ -220,7 +220,14 @@ def test_leaders_that_do_not_settle_are_held_against_each_other(
     monkeypatch.setattr(naming, "_left_by", lambda *_: next(sums))
     monkeypatch.setattr(naming, "on_spring", lambda found, _: found)
     monkeypatch.setattr(naming, "_against_other_lateness", lambda search, *_: search)
-    for name in ("with_free_laws", "with_look_alikes", "with_late_look_alikes", "without_held", "with_small_rest"):
+    for name in (
+        "with_free_laws",
+        "with_look_alikes",
+        "with_late_look_alikes",
+        "without_held",
+        "with_small_rest",
+        "without_filtered",
+    ):
         monkeypatch.setattr(naming, name, lambda found, *_: found)
     steps, rng = Steps(None, *naming.SEARCH_STEPS), np.random.default_rng(0)
     *_, found = naming.name_causes(cast("Any", about), cast("Any", about), [], rng, steps)

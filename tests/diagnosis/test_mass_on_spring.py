@@ -7,6 +7,7 @@ both, with white noise; of what a spring adds, smoothing leaves a part.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -20,6 +21,7 @@ from pmg.pipeline.diagnosis.engine.adequacy import Remainder
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.candidates.mass_on_spring import FIXED_FROM, on_spring
+from pmg.pipeline.diagnosis.motion.catalogue import without_filtered
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
@@ -78,6 +80,29 @@ def test_a_stiff_mass_at_the_limit_is_taken_for_a_soft_one_one_time_in_a_hundred
 def test_where_no_mass_is_named_nothing_changes() -> None:
     naming = _naming("torque_gain_error/sun/", MASS)
     assert on_spring(naming, _evidence(MASS, 35.0, np.random.default_rng(3))) is naming
+
+
+@pytest.mark.parametrize(("loud", "named"), [(0.4, True), (2.0, False)])
+def test_nothing_is_named_beside_what_is_like_a_filter_of_the_torque(loud: float, named: bool) -> None:
+    rng = np.random.default_rng(4)
+    sheet, *torques = rng.standard_normal((21, ROWS))
+    found = cast(
+        "MotionEvidence",
+        SimpleNamespace(
+            columns=np.zeros((ROWS, 0)),
+            granted=np.zeros((ROWS, 0)),
+            evidence=SimpleNamespace(families=[]),
+            problem=SimpleNamespace(slopes=lambda _: sheet[:, None]),
+            block=np.zeros(ROWS, dtype=int),
+            baseline=SimpleNamespace(stretches=(None,)),
+            of_sheet=np.zeros(ROWS, dtype=np.bool_),
+            y=9.0 * sheet + loud / math.sqrt(len(torques)) * np.sum(torques, axis=0) + rng.standard_normal(ROWS),
+        ),
+    )
+    naming = replace(_naming("rotor_inertia/sun/", MASS), weak=(TermSet((), SimpleNamespace()),))  # type: ignore[arg-type]
+    told = without_filtered(naming, found)
+    assert (told is naming) is named
+    assert named or (not told.may_be_named and not told.weak and "filter of the torque" in told.against)
 
 
 @slow

@@ -114,16 +114,16 @@ def test_a_shaft_that_creeps_gives_no_rows_and_a_reversal_does() -> None:
     assert stretch.rows[time > 2.0 + STANDING].all()
 
 
-def _named(part: float, form_margin: float, spare: int = 0) -> Any:  # noqa: ANN401 - a naming
+def _named(part: float, form_margin: float, spare: int = 0, *, beside: float = 0.0, plain: float = math.inf) -> Any:  # noqa: ANN401 - a naming
     """Two causes whose columns agree but for a part, in rows that hold the first, by an error of form of some size.
 
-    The second has spare parameters that explain nothing.
+    The second has spare parameters that explain nothing; `beside` is what the rows hold of that part.
     """
 
     class Catalogue(TermCatalogue):
         pass
 
-    Catalogue.form_margin = form_margin
+    Catalogue.form_margin, Catalogue.plain = form_margin, plain
     rows = np.eye(60)
     terms = {
         name: term(
@@ -143,8 +143,17 @@ def _named(part: float, form_margin: float, spare: int = 0) -> Any:  # noqa: ANN
         terms[name].key: Tabled(terms[name], np.array([math.nan]), column[:, None]) for name, column in columns.items()
     }
     left = np.r_[30.0, np.zeros(1 + spare), np.random.default_rng(3).standard_normal(59 - 1 - spare)]
+    left[1] += beside
     problem = TermProblem(np.zeros((60, 0)), left, lambda t, _: columns[t.identifier], tables)
     return name_candidates(problem, Catalogue(), lambda _: Remainder(0.5, 0.0, 10.0))
+
+
+def test_a_further_cause_enters_where_no_structure_is_seen_if_it_is_plain() -> None:
+    """Alone it explains 144; along hundreds of structures that is nothing."""
+    assert _named(1.0, 0.0, beside=12.0, plain=40.0).best.ids == {"first", "second"}
+    assert _named(1.0, 0.0, beside=12.0).best.ids == {"first"}
+    assert _named(1.0, 0.0, beside=6.0, plain=40.0).best.ids == {"first"}
+    assert _named(1.0 / 60.0, 0.0, plain=40.0).best.ids == {"first"}
 
 
 def test_look_alikes_within_an_error_of_form_are_told_together() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
@@ -46,6 +47,9 @@ class CandidateCatalogue(ABC, Generic[F, P]):
 
     form_error: ClassVar[float] = FORM_ERROR
     """Part of a candidate's gain that may be left over and pass for the error of its form."""
+
+    plain: ClassVar[float] = math.inf
+    """Evidence with which a further candidate enters where no structure is seen in what those before leave."""
 
     form_margin: ClassVar[float] = 0.0
     """Part of a set's score by which another's may be less without being told from it: what an error in the form of

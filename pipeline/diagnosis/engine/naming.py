@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -76,7 +77,7 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         singles = leaders_in_detail(problem, catalogue, singles)
         pool += singles
         best, remainder = _better(best, singles[0], remainder, remainder_of)
-    while best.fits and not remainder.adequate and len(best.fits) < MOST:
+    while best.fits and len(best.fits) < MOST and (not remainder.adequate or _plainly_more(best, catalogue)):
         starts = [best] if len(best.fits) > 1 else singles[:FIRST_OF_PAIRS]
         after, larger, ranking = _enlarged(catalogue, best, starts, remainder.excess)
         form = free_form(best, catalogue, remainder_of) if after is not None else None
@@ -106,6 +107,14 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         )
     found = named_against(best, pool, remainder, catalogue, tuple(rounds))
     return replace(found, weak=weak, further=further)
+
+
+def _plainly_more(best: Explanation[F, P], catalogue: CandidateCatalogue[F, P]) -> bool:
+    """Whether one more candidate is plain where no structure is seen: it is looked for alone, that along hundreds."""
+    if math.isinf(catalogue.plain):
+        return False
+    leader = next((fit for fit in catalogue.rank(best.problem, best.ids) if fit.admissible), None)
+    return leader is not None and best.plus(leader).score > best.score + catalogue.plain
 
 
 def _enlarged(

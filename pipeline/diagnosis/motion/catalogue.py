@@ -11,6 +11,7 @@ from pmg.pipeline.diagnosis.balance.catalogue import IN_THE_MAIN, TermCatalogue,
 from pmg.pipeline.diagnosis.balance.fitting import fit_term
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.motion.candidates.reading_terms import HELD
+from pmg.pipeline.diagnosis.motion.compressed import scatter_beyond
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 
 if TYPE_CHECKING:
@@ -52,6 +53,14 @@ MAIN_LEAVES = 0.25
 """Part of the gain of a single mechanism that may be left where it may be the cause in the main. Play, a drag of the
 gear and mixed lubrication of another form than in the catalogue left 0.08 to 0.19, what no mechanism is 1.4 or more."""
 
+PLAINLY = 40.0
+"""Evidence with which a further mechanism enters where no structure is seen [noise variances]: beside a cause that was
+alone the next one reached 8, beside one of a pair 46 and 133."""
+
+LOUDEST = 1.3
+"""Standard deviation of rows beside a cause [`MotionEvidence.scatter`] that noise may make. A cause of the library left
+0.97 to 1.10 of it in 20 campaigns, and a mass on a spring of 19 Hz 1.9, where a soft coupling was named."""
+
 SMALL_REST = 0.01
 """Part of the torque that a constant moves which it may leave over, and pass for the error of its form."""
 
@@ -69,6 +78,7 @@ class MotionCatalogue(TermCatalogue):
     one_late: bool = True
     tells_weak: ClassVar[bool] = True
     form_margin: ClassVar[float] = FORM_MARGIN
+    plain: ClassVar[float] = PLAINLY
 
     def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
         """All terms but some, best score first; with a delay in the set no lag is tried, and with a lag no delay."""
@@ -248,3 +258,25 @@ def with_small_rest(naming: TermNaming, found: MotionEvidence) -> TermNaming:
     moved = found.columns[~found.of_sheet][:, at] @ off
     small = naming.remainder.excess <= SMALL_REST**2 * float(moved @ moved)
     return replace(naming, explained=True) if small else naming
+
+
+def scatter_beside(found: MotionEvidence, fits: tuple[TermFit, ...]) -> float:
+    """Standard deviation of the rows about all that is looked for and some mechanisms, in units of `found.scatter`.
+
+    It holds what faults of transducers would follow: their noise, and anything that is like a filter of a torque.
+    """
+    beside = (found.columns, found.granted, *found.evidence.families, *(found.problem.slopes(fit) for fit in fits))
+    searched = (found.block < len(found.baseline.stretches)) | found.of_sheet
+    return scatter_beyond(found.y[searched], np.hstack(beside)[searched])
+
+
+def without_filtered(naming: TermNaming, found: MotionEvidence) -> TermNaming:
+    """The answer, nothing named beside what only many faults of transducers together would follow.
+
+    Lags and delays of many times together follow any filter of a torque, as a resonance is, and the scatter is judged
+    without them: a small cause beside it would pass for all there is.
+    """
+    if not naming.best.fits or scatter_beside(found, naming.best.fits) <= LOUDEST:
+        return naming
+    why = "what it leaves is like a filter of the torque, as of a resonance, and more than sensors and bench make"
+    return replace(naming, explained=False, in_the_main=False, weak=(), against=why)

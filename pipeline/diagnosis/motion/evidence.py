@@ -100,8 +100,6 @@ class MotionEvidence:
     scatter : float
         Standard deviation of the rows about everything that is looked for, and about the faults of transducers whose
         columns hold their noise, in units of the noise that sensors make; 1 at least. Rows are in units of it.
-    withheld_scatter : float
-        The same with what those faults' columns hold of noise, in units of `scatter`: what rows have beside a cause.
     noise : tuple of RowNoise
         Of each stretch.
     of_wander : tuple of (r, q) array
@@ -119,7 +117,6 @@ class MotionEvidence:
     swinging: dict[str, Array]
     y: Array
     scatter: float
-    withheld_scatter: float
     noise: tuple[RowNoise, ...]
     of_wander: tuple[Array, ...]
 
@@ -170,9 +167,8 @@ def motion_evidence(
     looked, swinging = _looked_for(parts, stacked)
     searched = (block < turning) | (block == len(parts))
     left = np.concatenate([*(part.left for part in parts), off])[searched]
-    spanned, excluded = np.hstack([columns, *looked.values()]), _of_transducers(columns[:, :0], tried, terms)
-    shown, whole = (scatter_beyond(left, of[searched]) for of in (np.hstack([spanned, excluded]), spanned))
-    scatter = max(shown, 1.0)
+    excluded = _of_transducers(columns[:, :0], tried, terms)
+    scatter = max(scatter_beyond(left, np.hstack([columns, *looked.values(), excluded])[searched]), 1.0)
     rough = (math.sqrt(max(part.unexplained, 1.0)) if k >= turning else 1.0 for k, part in enumerate(parts))
     unit = 1.0 / np.array([*(scatter * each for each in rough), 1.0])[block]
     y, columns = unit * y, unit[:, None] * columns
@@ -207,7 +203,6 @@ def motion_evidence(
         swinging=swinging,
         y=y,
         scatter=scatter,
-        withheld_scatter=whole / scatter,
         noise=tuple(noise),
         of_wander=tuple(part.of_wander for part in parts),
     )

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 SLOWED, SLOWED_LESS = 51, 21
-"""Fine samples over which a covariate is smoothed: a tenth of a second; and, twice, an acceleration before it is derived
-twice, as the noise of the angle is most of what is left of it otherwise: once would let through too much of that."""
+"""Fine samples over which a covariate is smoothed: a tenth of a second; and, twice, an acceleration before it is
+derived twice, as the noise of the angle is most of what is left of it otherwise: once would let through too much."""
 
 SWINGING = "second derivative of the acceleration"
 """What the torque of a mass on a spring follows beyond its inertia, below its resonance."""

@@ -20,6 +20,7 @@ from pmg.pipeline.diagnosis.motion.catalogue import (
     other_lateness,
     with_late_look_alikes,
     with_small_rest,
+    without_filtered,
     without_held,
     without_opposed,
 )
@@ -102,7 +103,7 @@ def name_causes(
     found, meant, naming = _against_other_lateness((found, meant, naming), before, noise, rng)
     naming = with_free_laws(naming, meant.problem, MotionCatalogue(), adequacy_test(meant.evidence))
     naming = with_late_look_alikes(without_held(with_look_alikes(naming, meant.problem)), meant.problem)
-    return found, meant, on_spring(with_small_rest(naming, found), found)
+    return found, meant, on_spring(without_filtered(with_small_rest(naming, found), found), found)
 
 
 def _against_other_lateness(

@@ -10,6 +10,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.engine.withheld import Withholding
+from pmg.pipeline.diagnosis.motion.catalogue import scatter_beside
 from pmg.pipeline.diagnosis.motion.constants import start_name
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 from pmg.pipeline.recording.run_records import Manoeuvre
@@ -163,7 +164,7 @@ def _withheld(found: MotionEvidence, fits: tuple[TermFit, ...], folds: list[int]
         of_sheet=found.of_sheet,
         held=(found.block >= len(found.baseline.stretches)) & ~found.of_sheet,
         sheet=sheet,
-        scale=np.where(found.of_sheet, 1.0, max(found.withheld_scatter, QUIETEST)),
+        scale=np.where(found.of_sheet, 1.0, max(scatter_beside(found, fits), QUIETEST)),
         block=found.block,
         fold=fold,
         groups=[np.flatnonzero(found.block == k) for k in np.unique(found.block)],
