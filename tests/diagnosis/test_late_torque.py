@@ -226,7 +226,7 @@ def test_leaders_that_do_not_settle_are_held_against_each_other(
         "with_late_look_alikes",
         "without_held",
         "with_small_rest",
-        "without_filtered",
+        "unless_like_filter",
     ):
         monkeypatch.setattr(naming, name, lambda found, *_: found)
     steps, rng = Steps(None, *naming.SEARCH_STEPS), np.random.default_rng(0)

@@ -114,7 +114,16 @@ def test_a_shaft_that_creeps_gives_no_rows_and_a_reversal_does() -> None:
     assert stretch.rows[time > 2.0 + STANDING].all()
 
 
-def _named(part: float, form_margin: float, spare: int = 0, *, beside: float = 0.0, plain: float = math.inf) -> Any:  # noqa: ANN401 - a naming
+def _named(
+    part: float,
+    form_margin: float,
+    spare: int = 0,
+    *,
+    size: float = 30.0,
+    beside: float = 0.0,
+    entry: float = math.inf,
+    tells_weak: bool = False,
+) -> Any:  # noqa: ANN401 - a naming
     """Two causes whose columns agree but for a part, in rows that hold the first, by an error of form of some size.
 
     The second has spare parameters that explain nothing; `beside` is what the rows hold of that part.
@@ -123,7 +132,7 @@ def _named(part: float, form_margin: float, spare: int = 0, *, beside: float = 0
     class Catalogue(TermCatalogue):
         pass
 
-    Catalogue.form_margin, Catalogue.plain = form_margin, plain
+    Catalogue.form_margin, Catalogue.further_entry, Catalogue.tells_weak = form_margin, entry, tells_weak
     rows = np.eye(60)
     terms = {
         name: term(
@@ -142,18 +151,26 @@ def _named(part: float, form_margin: float, spare: int = 0, *, beside: float = 0
     tables = {
         terms[name].key: Tabled(terms[name], np.array([math.nan]), column[:, None]) for name, column in columns.items()
     }
-    left = np.r_[30.0, np.zeros(1 + spare), np.random.default_rng(3).standard_normal(59 - 1 - spare)]
+    left = np.r_[size, np.zeros(1 + spare), np.random.default_rng(3).standard_normal(59 - 1 - spare)]
     left[1] += beside
     problem = TermProblem(np.zeros((60, 0)), left, lambda t, _: columns[t.identifier], tables)
     return name_candidates(problem, Catalogue(), lambda _: Remainder(0.5, 0.0, 10.0))
 
 
 def test_a_further_cause_enters_where_no_structure_is_seen_if_it_is_plain() -> None:
-    """Alone it explains 144; along hundreds of structures that is nothing."""
-    assert _named(1.0, 0.0, beside=12.0, plain=40.0).best.ids == {"first", "second"}
+    """The first explains 900; of what joins it, a twentieth of that and the entry are asked for."""
+    assert _named(1.0, 0.0, beside=12.0, entry=40.0).best.ids == {"first", "second"}
     assert _named(1.0, 0.0, beside=12.0).best.ids == {"first"}
-    assert _named(1.0, 0.0, beside=6.0, plain=40.0).best.ids == {"first"}
-    assert _named(1.0 / 60.0, 0.0, plain=40.0).best.ids == {"first"}
+    assert _named(1.0, 0.0, beside=6.0, entry=20.0).best.ids == {"first"}
+    assert _named(1.0, 0.0, beside=12.0, entry=150.0).best.ids == {"first"}
+    assert _named(1.0 / 60.0, 0.0, entry=40.0).best.ids == {"first"}
+
+
+def test_a_pair_that_entered_is_not_told_as_a_weak_single() -> None:
+    weak = _named(1.0, 0.0, size=7.0, beside=7.0, entry=10.0, tells_weak=True)
+    assert weak.best.ids == {"first", "second"}
+    assert not weak.weak
+    assert [each.ids for each in _named(1.0, 0.0, size=7.0, tells_weak=True).weak] == [{"first"}]
 
 
 def test_look_alikes_within_an_error_of_form_are_told_together() -> None:

@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 from tests.diagnosis.test_motion import _campaign, _with_torque
 
 from pmg.pipeline.chapters.in_motion.page import motion_report
-from pmg.pipeline.diagnosis.engine.explanation import explain_with
+from pmg.pipeline.diagnosis.engine.explanation import Explanation, explain_with
 from pmg.pipeline.diagnosis.engine.separation import power_to_separate, squares_beyond
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion import naming
 from pmg.pipeline.diagnosis.motion.candidates.library import library
-from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, scatter_beside
+from pmg.pipeline.diagnosis.motion.candidates.like_filter import scatter_beside
+from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue
 from pmg.pipeline.diagnosis.motion.compressed import scatter_beyond
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.design.foresight import Foresight
@@ -91,7 +92,9 @@ def test_rows_are_in_units_of_their_scatter_beside_faults_of_transducers_and_wit
     assert forward.evidence.excluded is not None
     seen = scatter_beyond(forward.y[searched], np.hstack([looked, forward.evidence.excluded])[searched])
     assert seen == pytest.approx(1.0, abs=0.02) if forward.scatter > 1.0 else seen <= 1.0
-    assert scatter_beside(forward, ()) > seen
+    withheld = scatter_beyond(forward.y[searched], np.hstack([looked, forward.granted])[searched])
+    assert withheld == pytest.approx(scatter_beside(forward, Explanation((), forward.problem)), rel=0.02)
+    assert withheld > seen
 
 
 def test_a_run_that_was_not_made_has_the_torque_of_the_constants_and_the_speed_that_is_asked_for(

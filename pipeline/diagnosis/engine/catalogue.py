@@ -48,8 +48,9 @@ class CandidateCatalogue(ABC, Generic[F, P]):
     form_error: ClassVar[float] = FORM_ERROR
     """Part of a candidate's gain that may be left over and pass for the error of its form."""
 
-    plain: ClassVar[float] = math.inf
-    """Evidence with which a further candidate enters where no structure is seen in what those before leave."""
+    further_entry: ClassVar[float] = math.inf
+    """Evidence with which a further candidate enters where no structure is seen in what those before leave; infinite,
+    none does. It is one direction, and structure is looked for along hundreds."""
 
     form_margin: ClassVar[float] = 0.0
     """Part of a set's score by which another's may be less without being told from it: what an error in the form of

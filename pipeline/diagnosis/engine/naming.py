@@ -77,12 +77,16 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         singles = leaders_in_detail(problem, catalogue, singles)
         pool += singles
         best, remainder = _better(best, singles[0], remainder, remainder_of)
-    while best.fits and len(best.fits) < MOST and (not remainder.adequate or _plainly_more(best, catalogue)):
-        starts = [best] if len(best.fits) > 1 else singles[:FIRST_OF_PAIRS]
-        after, larger, ranking = _enlarged(catalogue, best, starts, remainder.excess)
+    while best.fits and len(best.fits) < MOST:
+        if math.isinf(entry := catalogue.further_entry if remainder.adequate else ENTRY):
+            break
+        starts = [best] if len(best.fits) > 1 or remainder.adequate else singles[:FIRST_OF_PAIRS]
+        after, larger, ranking = _enlarged(catalogue, best, starts, remainder, entry)
         form = free_form(best, catalogue, remainder_of) if after is not None else None
         if form is not None and after is not None and form.rivals(after.score - best.score):
             further, after = _further(best, [after]), None
+        if remainder.adequate and after is None:
+            break
         entered = () if after is None else tuple(fit.identifier for fit in after.fits[len(best.fits) :])
         rounds.append(SearchRound(tuple(ranking), entered, remainder))
         if after is None:
@@ -101,7 +105,7 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         if best is current:
             break
     weak: tuple[Explanation[F, P], ...] = ()
-    if catalogue.tells_weak:
+    if catalogue.tells_weak and len(best.fits) < 2:
         weak = _weak(
             catalogue.weak_below, singles, lambda leader: remainder if leader is best else remainder_of(leader.problem)
         )
@@ -109,24 +113,20 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
     return replace(found, weak=weak, further=further)
 
 
-def _plainly_more(best: Explanation[F, P], catalogue: CandidateCatalogue[F, P]) -> bool:
-    """Whether one more candidate is plain where no structure is seen: it is looked for alone, that along hundreds."""
-    if math.isinf(catalogue.plain):
-        return False
-    leader = next((fit for fit in catalogue.rank(best.problem, best.ids) if fit.admissible), None)
-    return leader is not None and best.plus(leader).score > best.score + catalogue.plain
-
-
 def _enlarged(
-    catalogue: CandidateCatalogue[F, P], best: Explanation[F, P], starts: list[Explanation[F, P]], excess: float
+    catalogue: CandidateCatalogue[F, P],
+    best: Explanation[F, P],
+    starts: list[Explanation[F, P]],
+    remainder: Remainder,
+    entry: float,
 ) -> tuple[Explanation[F, P] | None, list[Explanation[F, P]], list[F]]:
     """The larger set that enters or None, all larger ones best first, and what may join the best one, ranked."""
     extended = [_extended(catalogue, start) for start in starts]
     larger = sorted((e for some, _ in extended for e in some), key=lambda e: -e.score)
     ranking = extended[[start.ids for start in starts].index(best.ids)][1]
-    after = larger[0] if larger and _enters(best, larger[0], excess) else None
-    if after is None and catalogue.pairs_at_once:
-        after = _together(catalogue, best, larger, excess)
+    after = larger[0] if larger and _enters(best, larger[0], remainder.excess, entry) else None
+    if after is None and catalogue.pairs_at_once and not remainder.adequate:
+        after = _together(catalogue, best, larger, remainder.excess)
     return after, larger, ranking
 
 
@@ -164,11 +164,11 @@ def _better(
     return (other, remainder_of(other.problem)) if other.score > best.score else (best, remainder)
 
 
-def _enters(before: Explanation[F, P], after: Explanation[F, P], excess: float) -> bool:
+def _enters(before: Explanation[F, P], after: Explanation[F, P], excess: float, entry: float) -> bool:
     """Whether one more candidate is more than an error of form of those before."""
     left = before.problem.left
     enough = max(SHARE_OF_REST * min(excess, float(left @ left)), SHARE_OF_FIRST * before.gain)
-    return after.score > before.score + ENTRY and after.gain - before.gain > enough and after.needed
+    return after.score > before.score + entry and after.gain - before.gain > enough and after.needed
 
 
 def _further(before: Explanation[F, P], larger: list[Explanation[F, P]]) -> tuple[F, ...]:

@@ -11,7 +11,6 @@ from pmg.pipeline.diagnosis.balance.catalogue import IN_THE_MAIN, TermCatalogue,
 from pmg.pipeline.diagnosis.balance.fitting import fit_term
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.motion.candidates.reading_terms import HELD
-from pmg.pipeline.diagnosis.motion.compressed import scatter_beyond
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 
 if TYPE_CHECKING:
@@ -53,13 +52,9 @@ MAIN_LEAVES = 0.25
 """Part of the gain of a single mechanism that may be left where it may be the cause in the main. Play, a drag of the
 gear and mixed lubrication of another form than in the catalogue left 0.08 to 0.19, what no mechanism is 1.4 or more."""
 
-PLAINLY = 40.0
+FURTHER_ENTRY = 40.0
 """Evidence with which a further mechanism enters where no structure is seen [noise variances]: beside a cause that was
-alone the next one reached 8, beside one of a pair 46 and 133."""
-
-LOUDEST = 1.3
-"""Standard deviation of rows beside a cause [`MotionEvidence.scatter`] that noise may make. A cause of the library left
-0.97 to 1.10 of it in 20 campaigns, and a mass on a spring of 19 Hz 1.9, where a soft coupling was named."""
+alone the next one reached 10 at most in 15 campaigns, beside one of a pair 46 and 133."""
 
 SMALL_REST = 0.01
 """Part of the torque that a constant moves which it may leave over, and pass for the error of its form."""
@@ -78,7 +73,7 @@ class MotionCatalogue(TermCatalogue):
     one_late: bool = True
     tells_weak: ClassVar[bool] = True
     form_margin: ClassVar[float] = FORM_MARGIN
-    plain: ClassVar[float] = PLAINLY
+    further_entry: ClassVar[float] = FURTHER_ENTRY
 
     def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
         """All terms but some, best score first; with a delay in the set no lag is tried, and with a lag no delay."""
@@ -249,34 +244,17 @@ def with_small_rest(naming: TermNaming, found: MotionEvidence) -> TermNaming:
 
     The gain of such a cause is its distance from the data sheet, which is little of what its torque would be worth.
     """
-    named = tuple(name for fit in naming.best.fits for name in cast("MotionTerm", fit.candidate).constants)
     all_of_sheet = all(cast("MotionTerm", fit.candidate).constants for fit in naming.best.fits)
-    if naming.explained or not named or not all_of_sheet or not naming.best.needed:
+    if naming.explained or not naming.best.fits or not all_of_sheet or not naming.best.needed:
         return naming
-    at = [found.baseline.sheet.at(name) for name in named]
-    off = (found.baseline.values - found.baseline.sheet.expected)[at]
-    moved = found.columns[~found.of_sheet][:, at] @ off
-    small = naming.remainder.excess <= SMALL_REST**2 * float(moved @ moved)
+    small = naming.remainder.excess <= SMALL_REST**2 * moved_by_constants(found, naming.best.fits)
     return replace(naming, explained=True) if small else naming
 
 
-def scatter_beside(found: MotionEvidence, fits: tuple[TermFit, ...]) -> float:
-    """Standard deviation of the rows about all that is looked for and some mechanisms, in units of `found.scatter`.
-
-    It holds what faults of transducers would follow: their noise, and anything that is like a filter of a torque.
-    """
-    beside = (found.columns, found.granted, *found.evidence.families, *(found.problem.slopes(fit) for fit in fits))
-    searched = (found.block < len(found.baseline.stretches)) | found.of_sheet
-    return scatter_beyond(found.y[searched], np.hstack(beside)[searched])
-
-
-def without_filtered(naming: TermNaming, found: MotionEvidence) -> TermNaming:
-    """The answer, nothing named beside what only many faults of transducers together would follow.
-
-    Lags and delays of many times together follow any filter of a torque, as a resonance is, and the scatter is judged
-    without them: a small cause beside it would pass for all there is.
-    """
-    if not naming.best.fits or scatter_beside(found, naming.best.fits) <= LOUDEST:
-        return naming
-    why = "what it leaves is like a filter of the torque, as of a resonance, and more than sensors and bench make"
-    return replace(naming, explained=False, in_the_main=False, weak=(), against=why)
+def moved_by_constants(found: MotionEvidence, fits: tuple[TermFit, ...]) -> float:
+    """Squares of the torque that constants of some fits move by being off their data sheet [noise variances]."""
+    names = (name for fit in fits for name in cast("MotionTerm", fit.candidate).constants)
+    at = [found.baseline.sheet.at(name) for name in names]
+    off = (found.baseline.values - found.baseline.sheet.expected)[at]
+    moved = found.columns[~found.of_sheet][:, at] @ off
+    return float(moved @ moved)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.families import spans_by_kind, structures
+from pmg.pipeline.diagnosis.motion.families import SWINGING, spans_by_kind, structures, swinging
 from pmg.pipeline.diagnosis.motion.noise.hum import hums_of
 from pmg.pipeline.diagnosis.motion.view import views_of
-from pmg.pipeline.fit.span import orthonormal
+from pmg.pipeline.fit.span import taken_out
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -114,20 +114,23 @@ def _compress(
     constants = baseline.clean.columns(place)
     fine, at = _distinct([*looked.values(), *tried.values()])
     rows = np.hstack([constants, stretch.of_rows(fine)])
-    readings = np.stack([baseline.missing(place), baseline.left(place)], 1)
-    white = noise.white(np.hstack([rows, readings]))
+    unsmoothed = stretch.of_rows(swinging(view, smoothed=False))  # mostly noise, which is no direction to look along
+    white = noise.white(np.column_stack([rows, unsmoothed, baseline.missing(place), baseline.left(place)]))
     y, left = white[:, -2:].T
-    basis = _span(white[:, :-2])
+    basis = _span(white[:, :-3])
     rest = left - basis @ (basis.T @ left)
-    inside = basis.T @ white[:, :-2]
+    inside, unsmoothed = basis.T @ white[:, :-3], basis.T @ white[:, -3:-2]
     inside = np.hstack([inside[:, : len(baseline.sheet)], inside[:, len(baseline.sheet) + at]])
     blocks = [constants, *looked.values(), *tried.values()]
     split = np.split(inside, np.cumsum([block.shape[1] for block in blocks])[:-1], axis=1)
+    found = dict(zip(looked, split[1 : 1 + len(looked)], strict=True))
+    for family in (each for each in found if each.follows == SWINGING):
+        found[family] = np.hstack([found[family], unsmoothed])
     return Compressed(
         basis.T @ y,
         basis.T @ left,
         split[0],
-        dict(zip(looked, split[1 : 1 + len(looked)], strict=True)),
+        found,
         dict(zip(tried, split[1 + len(looked) :], strict=True)),
         (weights := noise.adjoint(basis)),
         weights.T @ noise.lines,
@@ -163,6 +166,5 @@ def _span(columns: Array) -> Array:
 
 def scatter_beyond(left: Array, looked: Array) -> float:
     """Standard deviation of rows (m,) about all that columns (m, k) span."""
-    everything = orthonormal(looked)
-    rest = left - everything @ (everything.T @ left)
-    return float(np.sqrt(rest @ rest / max(len(left) - everything.shape[1], 1)))
+    rest, spanned = taken_out(looked, left)
+    return float(np.sqrt(rest @ rest / max(len(left) - spanned, 1)))

@@ -14,6 +14,7 @@ from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, borne_out, conc
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 from pmg.pipeline.diagnosis.motion.candidates.library import library
+from pmg.pipeline.diagnosis.motion.candidates.like_filter import scatter_beside
 from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, columns_beside
 from pmg.pipeline.diagnosis.motion.design.next_runs import runs_to_see, runs_to_tell
 from pmg.pipeline.diagnosis.motion.design.unseen import unseen
@@ -189,10 +190,11 @@ def _proof(
                 return None
             return withhold(rows, MotionCatalogue(refine=False), best.fits, rng, bent=best.bent > 0.0)
 
-        of_kinds = held(by_kind(found, best.fits))
+        scatter = scatter_beside(found, best)
+        of_kinds = held(by_kind(found, best.fits, scatter))
         if of_kinds is not None and (not naming.may_be_named or proves(of_kinds, best)):
             return of_kinds
-        of_runs = held(by_run(found, best.fits))
+        of_runs = held(by_run(found, best.fits, scatter))
         if of_kinds is not None and (of_runs is None or of_runs.kept < 1.0):
             return of_kinds
         return None if of_runs is None else replace(of_runs, of_a_kind=True)

@@ -93,8 +93,8 @@ class MotionEvidence:
     granted : (m, g) array
         Of what any machine may have, which is free beside them.
     swinging : dict of str to (m, 2) array
-        By shaft, what the torque of a mass on a spring follows beyond its inertia, smoothed and plain. It is not looked
-        for in itself: the noise of an acceleration follows it, too.
+        By shaft, what the torque of a mass on a spring follows beyond its inertia, smoothed and as it is. It is not
+        looked for in itself: the noise of an acceleration follows it, too.
     y : (m,) array
         Measured less predicted.
     scatter : float

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 SLOWED, SLOWED_LESS = 51, 21
 """Fine samples over which a covariate is smoothed: a tenth of a second; and, twice, an acceleration before it is
-derived twice, as the noise of the angle is most of what is left of it otherwise: once would let through too much."""
+derived twice: once lets through with the wrong sign what is beyond 24 Hz, where most of it is noise of the angle."""
 
 SWINGING = "second derivative of the acceleration"
 """What the torque of a mass on a spring follows beyond its inertia, below its resonance."""
@@ -48,7 +48,7 @@ def structures(view: RotorView, spans: dict[str, float]) -> dict[str, Array]:
         "speed": _curve(view.speed, spans["speed"]),
         "acceleration": _curve(_slowed(view.state.acceleration), spans["acceleration"]),
         "torque": _curve(_slowed(view.shaft.torque), spans["torque"]),
-        SWINGING: _swinging(view),
+        SWINGING: swinging(view),
         "direction": np.stack([view.direction**2, view.direction**2 * view.drag], 1),
         "time in the run": np.stack([time, time**2], 1) * view.drag[:, None],
         "time in the campaign": np.stack(
@@ -102,11 +102,12 @@ def slow_structures(views: list[RotorView]) -> list[Array]:
     return blocks
 
 
-def _swinging(view: RotorView) -> Array:
-    """Second derivative of the acceleration (n, 2), smoothed first, so that little noise is left in it, and plain."""
+def swinging(view: RotorView, *, smoothed: bool = True) -> Array:
+    """Second derivative of the acceleration (n, 1), which is smoothed first or is not, as most of it is noise then."""
     rate, acceleration = view.state.stretch.run.fine_rate, view.state.acceleration
-    both = (_slowed(_slowed(acceleration, SLOWED_LESS), SLOWED_LESS), acceleration)
-    return np.stack([derivative(derivative(each, rate), rate) for each in both], 1)
+    for _ in range(2 * smoothed):
+        acceleration = _slowed(acceleration, SLOWED_LESS)
+    return derivative(derivative(acceleration, rate), rate)[:, None]
 
 
 def _play(view: RotorView) -> Array:

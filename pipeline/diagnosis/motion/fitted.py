@@ -15,6 +15,7 @@ from pmg.pipeline.diagnosis.motion.families import slow_structures, zeros_in_tim
 from pmg.pipeline.diagnosis.motion.noise.aligned_turns import turn_origins
 from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise
 from pmg.pipeline.diagnosis.motion.noise.shown import slow_noise_of
+from pmg.pipeline.diagnosis.motion.noise.steps_anew import moved_by_steps, widened
 from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
@@ -62,7 +63,8 @@ def fit_constants(
     Wander and ripple are what the residuals of a first fit show beside all that may explain them, zeros that follow a
     smooth curve of time among it: what moves over the campaign is no wander, and is not to be taken for one because
     constants took up a part of it.
-    Runs whose counters begin their turns anew are aligned by waves of a turn that they show, and fitted again.
+    Runs whose counters begin their turns anew are aligned by waves of a turn that they show, and fitted again. No
+    constant is surer than steps of the encoders leave it.
     """
     before, covariance, noise = _fit_with_noise(runs, bench, known or {})
     aligned: tuple[TurnOrigins, ...] = ()
@@ -74,7 +76,8 @@ def fit_constants(
     stiffer = np.zeros(len(before.sheet))
     for at in (before.sheet.at(f"compliance_{side}") for side in SIDES):
         stiffer[at] = STIFFER * before.values[at]
-    covariance = covariance + _of_wander_between_runs(before, covariance, noise)
+    wider = widened(covariance, moved_by_steps(before, covariance, noise))
+    covariance = wider + _of_wander_between_runs(before, covariance, noise)
     return before, covariance + np.outer(doubted, doubted) + np.diag(stiffer**2), noise
 
 

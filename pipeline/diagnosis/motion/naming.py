@@ -14,13 +14,13 @@ from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.forms import with_free_laws, with_look_alikes
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.motion.candidates.library import library
+from pmg.pipeline.diagnosis.motion.candidates.like_filter import unless_like_filter
 from pmg.pipeline.diagnosis.motion.candidates.mass_on_spring import on_spring
 from pmg.pipeline.diagnosis.motion.catalogue import (
     MotionCatalogue,
     other_lateness,
     with_late_look_alikes,
     with_small_rest,
-    without_filtered,
     without_held,
     without_opposed,
 )
@@ -103,7 +103,7 @@ def name_causes(
     found, meant, naming = _against_other_lateness((found, meant, naming), before, noise, rng)
     naming = with_free_laws(naming, meant.problem, MotionCatalogue(), adequacy_test(meant.evidence))
     naming = with_late_look_alikes(without_held(with_look_alikes(naming, meant.problem)), meant.problem)
-    return found, meant, on_spring(without_filtered(with_small_rest(naming, found), found), found)
+    return found, meant, on_spring(unless_like_filter(with_small_rest(naming, found), found), found)
 
 
 def _against_other_lateness(

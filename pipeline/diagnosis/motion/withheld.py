@@ -10,7 +10,6 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.engine.withheld import Withholding
-from pmg.pipeline.diagnosis.motion.catalogue import scatter_beside
 from pmg.pipeline.diagnosis.motion.constants import start_name
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 from pmg.pipeline.recording.run_records import Manoeuvre
@@ -122,13 +121,13 @@ class WithheldRuns(Withholding[TermFit, TermProblem]):
         return np.asarray((self.fold < self.folds) & (moved | ~self.held))
 
 
-def by_kind(found: MotionEvidence, fits: tuple[TermFit, ...]) -> WithheldRuns:
-    """The rows of a campaign, dealt to folds by kind of run."""
+def by_kind(found: MotionEvidence, fits: tuple[TermFit, ...], scatter: float) -> WithheldRuns:
+    """The rows of a campaign, dealt to folds by kind of run; `scatter` is that of their noise."""
     folds = [_kind(stretch) for stretch in found.stretches]
-    return _withheld(found, fits, folds, "kinds of run (ramps and coast-downs, steps, sweeps, dithers)")
+    return _withheld(found, fits, scatter, folds, "kinds of run (ramps and coast-downs, steps, sweeps, dithers)")
 
 
-def by_run(found: MotionEvidence, fits: tuple[TermFit, ...]) -> WithheldRuns:
+def by_run(found: MotionEvidence, fits: tuple[TermFit, ...], scatter: float) -> WithheldRuns:
     """The same, dealt run by run, for what one kind of run alone can show: each fold has some of every kind."""
     seen: dict[int, list[str]] = {}
     folds = []
@@ -138,10 +137,12 @@ def by_run(found: MotionEvidence, fits: tuple[TermFit, ...]) -> WithheldRuns:
         if name not in names:
             names.append(name)
         folds.append(NEVER if kind == NEVER else (names.index(name) + kind) % NEVER)
-    return _withheld(found, fits, folds, "runs, some of every kind at a time")
+    return _withheld(found, fits, scatter, folds, "runs, some of every kind at a time")
 
 
-def _withheld(found: MotionEvidence, fits: tuple[TermFit, ...], folds: list[int], what: str) -> WithheldRuns:
+def _withheld(
+    found: MotionEvidence, fits: tuple[TermFit, ...], scatter: float, folds: list[int], what: str
+) -> WithheldRuns:
     """Rows with the folds of their stretches.
 
     A constant of which `fits` say that the data sheet is wrong, or that would take up what they do, has its value from
@@ -164,7 +165,7 @@ def _withheld(found: MotionEvidence, fits: tuple[TermFit, ...], folds: list[int]
         of_sheet=found.of_sheet,
         held=(found.block >= len(found.baseline.stretches)) & ~found.of_sheet,
         sheet=sheet,
-        scale=np.where(found.of_sheet, 1.0, max(scatter_beside(found, fits), QUIETEST)),
+        scale=np.where(found.of_sheet, 1.0, max(scatter, QUIETEST)),
         block=found.block,
         fold=fold,
         groups=[np.flatnonzero(found.block == k) for k in np.unique(found.block)],

@@ -1,0 +1,86 @@
+"""What steps of the encoders do to constants beyond noise of their density: the same runs counted anew."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import upfirdn
+
+from pmg.pipeline.motion.smooth import row_weights
+from pmg.sim.shafts import SIDES, PerShaft, per_shaft
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
+    from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise
+    from pmg.pipeline.motion.smooth import SmoothRun
+    from pmg.sim.signals import Array
+
+COUNTED = 8
+"""Times that a campaign is counted anew."""
+
+
+def moved_by_steps(fitted: MotionBaseline, covariance: Array, noise: list[RowNoise]) -> Array:
+    r"""What constants (k, d) are off where the encoders count from other places within a step, drawn d times.
+
+    Parameters
+    ----------
+    fitted : MotionBaseline
+        The constants, and signals that are free of noise as far as the balances tell.
+    covariance : (k, k) array
+        Of the constants, for steps that are white noise.
+    noise : list of RowNoise
+        Of each stretch.
+
+    Notes
+    -----
+    A shaft that turns by nearly a whole number of counts a sample, and swings by a few, is off by the same function of
+    its swing in every period: an error of the amplitude that no density tells. The smooth angle is therefore counted
+    anew from places that are drawn, :math:`e = c \lfloor (\theta + \delta)/c \rfloor + c/2 - \delta - \theta`, and
+    what comes of it goes through the rows, :math:`J \ddot e + K p \sum p_i e_i`, to the constants.
+    """
+    rng, found = np.random.default_rng(0), np.zeros((len(fitted.sheet), COUNTED))
+    counted: dict[str, PerShaft[tuple[Array, Array]]] = {}
+    inertia = per_shaft(lambda side: fitted.values[fitted.sheet.at(f"inertia_{side}")])
+    peak, poles = fitted.values[fitted.sheet.at("pull_out")], fitted.sheet.poles
+    for place, (stretch, clean) in enumerate(zip(fitted.stretches, fitted.clean.stretches, strict=True)):
+        if stretch.at_rest:
+            continue
+        name = stretch.run.run.name
+        if name not in counted:
+            counted[name] = PerShaft(*(_errors(clean.run, side, rng) for side in SIDES))
+        off = inertia[stretch.side] * counted[name][stretch.side][1]
+        if stretch.coupled:
+            off = off + peak * poles[stretch.side] * sum(poles[side] * counted[name][side][0] for side in SIDES)
+        columns = noise[place].white(fitted.clean.columns(place))
+        found += covariance @ (columns.T @ noise[place].white(off[stretch.rows]))
+    return found
+
+
+def widened(covariance: Array, moved: Array) -> Array:
+    """A covariance (k, k) in which no constant is surer than what steps move it by (k, d); correlations stay."""
+    least = np.mean(moved**2, axis=1)
+    wider = np.sqrt(np.maximum(least / np.maximum(np.diag(covariance), np.finfo(float).tiny), 1.0))
+    return covariance * np.outer(wider, wider)
+
+
+def _errors(run: SmoothRun, side: str, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Rows (m, d) of what the counts of an angle and of its second derivative are off [rad, rad/s2]."""
+    angle, count, rate = run.shafts[side].angle, run.run.count[side], run.run.rate
+    line = np.linspace(angle[0], angle[-1], len(angle))
+    smooth = CubicSpline(run.time, run.in_band(angle - line) + line)
+    time = np.arange(len(run.run.angle[side])) / rate
+    inside = np.clip(time, run.time[0], run.time[-1])
+    turned = (smooth(inside) + smooth(inside, 1) * (time - inside))[:, None]
+    begun = rng.uniform(0.0, count, COUNTED)
+    off = np.floor((turned + begun) / count) * count + 0.5 * count - begun - turned
+    every = round(rate / run.row_rate)
+
+    def rows(weights: Array) -> Array:
+        before = -(len(weights) - 1) % every  # so that the first whole product is one that is kept
+        products = upfirdn(weights, np.pad(off, ((before, 0), (0, 0))), down=every, axis=0)
+        return np.asarray(products[(len(weights) - 1 + before) // every :][: len(run)])
+
+    low, curved = row_weights(run)
+    return rows(low), rows(curved)
