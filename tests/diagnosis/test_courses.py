@@ -42,7 +42,7 @@ def looked(y: Array, bounds: tuple[float, float] = (0.0, 1.0), **of_term: Any) -
     found: Any = SimpleNamespace(
         evidence=Evidence(y, BASELINE, CURVES, (np.ones(ROWS, dtype=np.bool_),), NULL),
         problem=SimpleNamespace(tables={"one": Tabled(term, np.arange(3.0), COURSES)}),
-        block=OF_HELD.astype(np.int64),
+        of_held=OF_HELD,
         of_sheet=np.zeros(ROWS, dtype=np.bool_),
         baseline=SimpleNamespace(stretches=(None,)),
         families=tuple(families),

@@ -40,7 +40,7 @@ def _found(y: np.ndarray, off: float = 0.0) -> MotionEvidence:
             granted=np.zeros((ROWS, 0)),
             evidence=SimpleNamespace(families=[COLUMNS[:, 1:2]]),
             problem=SimpleNamespace(slopes=lambda _: COLUMNS[:, 2:]),
-            block=block,
+            of_held=block == 1,
             baseline=SimpleNamespace(
                 stretches=(None,), sheet=SimpleNamespace(at=lambda _: 0, expected=np.zeros(1)), values=np.array([off])
             ),

@@ -125,6 +125,11 @@ class MotionEvidence:
         """Rows of the data sheet."""
         return np.asarray(self.block == len(self.stretches))
 
+    @property
+    def of_held(self) -> Mask:
+        """Readings of shafts that are held, which are not searched for a difference."""
+        return np.asarray((self.block >= len(self.baseline.stretches)) & ~self.of_sheet)
+
     def covariance_of(self, weights: Array) -> Array:
         """Covariance (p, p) of p numbers that are sums of the rows with `weights` (p, m).
 

@@ -15,7 +15,7 @@ from pmg.pipeline.diagnosis.motion.families import slow_structures, zeros_in_tim
 from pmg.pipeline.diagnosis.motion.noise.aligned_turns import turn_origins
 from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise
 from pmg.pipeline.diagnosis.motion.noise.shown import slow_noise_of
-from pmg.pipeline.diagnosis.motion.noise.steps_anew import moved_by_steps, widened
+from pmg.pipeline.diagnosis.motion.noise.steps_anew import COUNTED, off_by_steps, widened
 from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
@@ -76,8 +76,7 @@ def fit_constants(
     stiffer = np.zeros(len(before.sheet))
     for at in (before.sheet.at(f"compliance_{side}") for side in SIDES):
         stiffer[at] = STIFFER * before.values[at]
-    wider = widened(covariance, moved_by_steps(before, covariance, noise))
-    covariance = wider + _of_wander_between_runs(before, covariance, noise)
+    covariance = _with_wander_and_steps(before, covariance, noise)
     return before, covariance + np.outer(doubted, doubted) + np.diag(stiffer**2), noise
 
 
@@ -92,13 +91,17 @@ def _fit_with_noise(
     return *fit_beside(rough, noise, ()), noise
 
 
-def _of_wander_between_runs(fitted: MotionBaseline, covariance: Array, noise: list[RowNoise]) -> Array:
-    """Covariance (k, k) of the constants beyond that of the fit, for which each run wanders by itself."""
-    seen = []
-    for place, each in enumerate(noise):
-        columns = each.white(fitted.clean.columns(place))
-        seen.append(covariance @ columns.T @ each.white(each.lines))
-    return between_runs(noise, seen)
+def _with_wander_and_steps(fitted: MotionBaseline, covariance: Array, noise: list[RowNoise]) -> Array:
+    """The covariance (k, k) of the constants with wander that goes on from run to run, and with steps as they are.
+
+    The fit takes each run to wander by itself, and steps of the encoders for white noise.
+    """
+    seen, moved = [], np.zeros((len(fitted.sheet), COUNTED))
+    for place, (each, off) in enumerate(zip(noise, off_by_steps(fitted), strict=True)):
+        pull = covariance @ each.white(fitted.clean.columns(place)).T
+        seen.append(pull @ each.white(each.lines))
+        moved += pull @ each.white(off)
+    return widened(covariance, moved) + between_runs(noise, seen)
 
 
 def _with_denser_torque(fitted: MotionBaseline, noise: list[RowNoise]) -> Array:

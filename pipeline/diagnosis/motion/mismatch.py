@@ -81,7 +81,7 @@ def _courses(found: MotionEvidence) -> Evidence:
     """
     families: list[Array] = []
     positive: set[int] = set()
-    searched = (found.block < len(found.baseline.stretches)) | found.of_sheet
+    searched = ~found.of_held
     for table in found.problem.tables.values():
         term = cast("MotionTerm", table.term)
         if term.constants or term.comes_late:

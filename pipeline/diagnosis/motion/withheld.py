@@ -163,7 +163,7 @@ def _withheld(
         columns=starts.freed(columns),
         constants=found.columns,
         of_sheet=found.of_sheet,
-        held=(found.block >= len(found.baseline.stretches)) & ~found.of_sheet,
+        held=found.of_held,
         sheet=sheet,
         scale=np.where(found.of_sheet, 1.0, max(scatter, QUIETEST)),
         block=found.block,

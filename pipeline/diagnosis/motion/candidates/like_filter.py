@@ -1,4 +1,4 @@
-"""What runs hold beside a cause that only a filter of the torque would follow, as lags of many times at once do."""
+"""No cause is named where the runs also show a filtered torque that nothing explains, such as a resonance."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
 
 LOUDEST, LITTLE = 1.3, 0.03
-"""Standard deviation of rows beside a cause [`MotionEvidence.scatter`] that noise may make, and part of the torque that
-a constant moves which they may hold instead. Causes of the library left 0.93 to 1.15 in 27 campaigns, three inertias
-among them; two heavy masses on the ring 1.5 and 2.1, or a hundredth of their torque; and a mass on a spring of 19 Hz
-1.9, where a soft coupling was named."""
+"""Scatter of the rows beside a cause from which on it is refused, in units of the noise; and the part of the torque
+moved by the cause's constants below which such a scatter does not count. Causes of the library left 0.93 to 1.15 in 27
+campaigns, three inertias among them. Two heavy masses on the ring left 1.5 and 2.1, a hundredth of their own torque. A
+mass on a spring of 19 Hz left 1.9 where a soft coupling was named."""
 
 
 def scatter_beside(found: MotionEvidence, best: Explanation[TermFit, TermProblem]) -> float:
-    """Standard deviation of the rows about all that is looked for and a set, in units of `found.scatter`.
+    """Standard deviation of the rows once all structures and a set are fitted, in units of `found.scatter`.
 
-    It holds what faults of transducers would follow: the noise of their torque, and anything like a filter of it.
+    It includes what faults of transducers would fit: noise of their torque, and any filtered torque.
     """
-    beside = [found.columns, found.granted, *found.evidence.families, *(found.problem.slopes(f) for f in best.fits)]
+    fitted = [found.columns, found.granted, *found.evidence.families, *(found.problem.slopes(f) for f in best.fits)]
     if best.bent > 0.0:
-        beside += [bent_columns(found.problem, fit) for fit in best.fits]
-    searched = (found.block < len(found.baseline.stretches)) | found.of_sheet
-    return scatter_beyond(found.y[searched], np.hstack(beside)[searched])
+        fitted += [bent_columns(found.problem, fit) for fit in best.fits]
+    return scatter_beyond(found.y[~found.of_held], np.hstack(fitted)[~found.of_held])
 
 
 def unless_like_filter(naming: TermNaming, found: MotionEvidence) -> TermNaming:
-    """The answer, unless rows beside it scatter more than noise does, and that is not little of what it explains.
+    """The answer, with nothing named if the rows beside it scatter well above the noise.
 
-    The scatter is judged without the columns of transducers' faults, which hold noise. Lags and delays of many times
-    together follow any filter of a torque, as a resonance is: a small cause beside one would pass for all there is.
+    A scatter that is small against what the set explains does not count. The noise is estimated without the columns of
+    transducer faults, as these hold noise. Lags and delays of many times together fit any filter of a torque, such as a
+    resonance, so that beside one a small cause would seem to explain all there is.
     """
     if not (naming.best.fits or naming.weak):
         return naming

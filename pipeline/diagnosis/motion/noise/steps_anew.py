@@ -1,4 +1,4 @@
-"""What steps of the encoders do to constants beyond noise of their density: the same runs counted anew."""
+"""Errors that steps of the encoders make beyond white noise: the same runs counted anew."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
-    from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise
     from pmg.pipeline.motion.smooth import SmoothRun
     from pmg.sim.signals import Array
 
@@ -21,31 +20,28 @@ COUNTED = 8
 """Times that a campaign is counted anew."""
 
 
-def moved_by_steps(fitted: MotionBaseline, covariance: Array, noise: list[RowNoise]) -> Array:
-    r"""What constants (k, d) are off where the encoders count from other places within a step, drawn d times.
+def off_by_steps(fitted: MotionBaseline) -> list[Array]:
+    r"""Errors (r, d) of the rows of each stretch [N m] with the steps of the encoders at other places, drawn d times.
 
     Parameters
     ----------
     fitted : MotionBaseline
         The constants, and signals that are free of noise as far as the balances tell.
-    covariance : (k, k) array
-        Of the constants, for steps that are white noise.
-    noise : list of RowNoise
-        Of each stretch.
 
     Notes
     -----
     A shaft that turns by nearly a whole number of counts a sample, and swings by a few, is off by the same function of
     its swing in every period: an error of the amplitude that no density tells. The smooth angle is therefore counted
     anew from places that are drawn, :math:`e = c \lfloor (\theta + \delta)/c \rfloor + c/2 - \delta - \theta`, and
-    what comes of it goes through the rows, :math:`J \ddot e + K p \sum p_i e_i`, to the constants.
+    the balance of a row makes :math:`J \ddot e + K p \sum p_i e_i` of it.
     """
-    rng, found = np.random.default_rng(0), np.zeros((len(fitted.sheet), COUNTED))
+    rng, found = np.random.default_rng(0), []
     counted: dict[str, PerShaft[tuple[Array, Array]]] = {}
     inertia = per_shaft(lambda side: fitted.values[fitted.sheet.at(f"inertia_{side}")])
     peak, poles = fitted.values[fitted.sheet.at("pull_out")], fitted.sheet.poles
-    for place, (stretch, clean) in enumerate(zip(fitted.stretches, fitted.clean.stretches, strict=True)):
+    for stretch, clean in zip(fitted.stretches, fitted.clean.stretches, strict=True):
         if stretch.at_rest:
+            found.append(np.zeros((len(stretch), COUNTED)))
             continue
         name = stretch.run.run.name
         if name not in counted:
@@ -53,13 +49,12 @@ def moved_by_steps(fitted: MotionBaseline, covariance: Array, noise: list[RowNoi
         off = inertia[stretch.side] * counted[name][stretch.side][1]
         if stretch.coupled:
             off = off + peak * poles[stretch.side] * sum(poles[side] * counted[name][side][0] for side in SIDES)
-        columns = noise[place].white(fitted.clean.columns(place))
-        found += covariance @ (columns.T @ noise[place].white(off[stretch.rows]))
+        found.append(off[stretch.rows])
     return found
 
 
 def widened(covariance: Array, moved: Array) -> Array:
-    """A covariance (k, k) in which no constant is surer than what steps move it by (k, d); correlations stay."""
+    """A covariance (k, k) with no standard uncertainty below the rms of `moved` (k, d); correlations stay."""
     least = np.mean(moved**2, axis=1)
     wider = np.sqrt(np.maximum(least / np.maximum(np.diag(covariance), np.finfo(float).tiny), 1.0))
     return covariance * np.outer(wider, wider)
