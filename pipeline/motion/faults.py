@@ -1,13 +1,15 @@
-"""Faults of the signals of a run in motion: counters that stand still, angles that jump, torques that are clipped."""
+"""Faults of the signals of a run in motion: counters that stand still, angles that jump, torques that clip or spike."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from pmg.pipeline.recording.checks.stretches import stretches
 from pmg.pipeline.recording.checks.transducers import LIVELY
+from pmg.sim.signals import NORMAL_MAD
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -32,6 +34,16 @@ SLOPE_SAMPLES = 10
 """Samples over which these speeds are taken."""
 FLAT_S, FLAT_SAMPLES = 0.005, 5
 """Least time [s] and samples of one extreme value, to the bit, that make a clipped torque."""
+SPIKE_S, SPIKE_SAMPLES = 0.003, 3
+"""Longest time [s] and samples of a spike."""
+SPIKE_NOISE, USUAL_S = 8.0, 0.1
+"""How far a spike stands out, in standard deviations of the readings over that time [s] around it; and farther than
+they change from before it to after, so that a step is no spike."""
+UNFELT = 0.15
+"""Part of the change of speed that its impulse would make, of which the shaft must show less. An impact that is over
+within one sample may show a quarter."""
+SEEN_COUNTS = 9.0
+"""That change of speed, in counts over `SLOPE_SAMPLES`, from which on an encoder would show so small a part of it."""
 
 
 def still(angle: Array, rate: float, count: float) -> Ranges:
@@ -105,6 +117,65 @@ def clipped(torque: Array, rate: float) -> Ranges:
         return np.empty((0, 2), dtype=np.int64)
     found = stretches(at_end)
     return np.asarray(found[found[:, 1] - found[:, 0] >= max(FLAT_SAMPLES, round(FLAT_S * rate))])
+
+
+def spikes(torque: Array, angle: Array, rate: float, inertia: float, count: float) -> Ranges:
+    r"""Stretches (k, 2) in which a torque stands out for an instant and its shaft does not feel it.
+
+    Parameters
+    ----------
+    torque, angle : (n,) array
+        Torque [N m] and angle [rad] of a shaft; NaN where it is not known.
+    rate : float
+        Sample rate [Hz].
+    inertia : float
+        On the encoder's side of the transducer [kg m2].
+    count : float
+        Angle of one count [rad].
+
+    Notes
+    -----
+    An impact, as where play closes, is as short, but its impulse changes the speed of the motor,
+    :math:`J\,\Delta\omega = \int T\,dt`. One of which less than `UNFELT` shows is no torque. Where the encoder could
+    not show it, nothing is said.
+    """
+    known = np.isfinite(torque) & np.isfinite(angle)
+    if np.count_nonzero(known) < len(torque) / 2 or len(torque) < 8 * SLOPE_SAMPLES:
+        return np.empty((0, 2), dtype=np.int64)
+    at, longest = np.arange(len(torque)), max(SPIKE_SAMPLES, round(SPIKE_S * rate))
+    readings, turned = (np.interp(at, at[known], values[known]) for values in (torque, angle))
+    aside = longest // 2
+    level = np.pad(median_filter(readings, 2 * aside + 1), longest + aside, mode="edge")
+    before, after = level[: len(readings)], level[-len(readings) :]
+    off = readings - 0.5 * (before + after)
+    steps = np.abs(np.diff(readings))
+    step = float(steps[steps > 0.0].min(initial=0.0))
+    usual = median_filter(np.abs(off), 2 * round(0.5 * USUAL_S * rate) + 1, mode="nearest")
+    least = np.maximum(SPIKE_NOISE * np.maximum(NORMAL_MAD * usual, step), np.abs(after - before))
+    found = stretches(np.abs(off) > least)
+    edge = 3 * (longest + SLOPE_SAMPLES)  # within it of either end nothing tells the speed before or after
+    inner = (found[:, 0] >= edge) & (found[:, 1] <= len(torque) - edge)
+    found = found[inner & (found[:, 1] - found[:, 0] <= longest)]
+    whole = np.concatenate([[0.0], np.cumsum(off)])
+    slower = (whole[found[:, 1]] - whole[found[:, 0]]) / (rate * inertia)
+    felt = -_kink(turned, found, rate, longest) * np.sign(slower)
+    seen = np.abs(slower) > SEEN_COUNTS * count * rate / SLOPE_SAMPLES
+    return np.asarray(found[seen & (felt < UNFELT * np.abs(slower)).all(axis=0)])
+
+
+def _kink(angle: Array, at: Ranges, rate: float, longest: int) -> Array:
+    """Change of speed (2, k) [rad/s] over each stretch less that right before and after, and where others are near, as
+    it is."""
+    middle, reach = at.mean(axis=1).astype(np.int64), longest + SLOPE_SAMPLES
+
+    def change(place: npt.NDArray[np.int64]) -> Array:
+        near = np.clip(place[:, None] + np.array([-reach, -longest, longest, reach]), 0, len(angle) - 1)
+        before, since, until, after = angle[near].T
+        return np.asarray((after - until - since + before) * rate / SLOPE_SAMPLES)
+
+    here, beside = change(middle), 0.5 * (change(middle - 2 * reach) + change(middle + 2 * reach))
+    near = np.diff(middle, prepend=-len(angle), append=2 * len(angle)) < 3 * reach
+    return np.stack([here - beside, np.where(near[1:] | near[:-1], here, here - beside)])
 
 
 def longest_piece(length: int, cuts: npt.NDArray[np.int64]) -> Mask:

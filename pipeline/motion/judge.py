@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.motion.faults import clipped, leaps, longest_piece, still
+from pmg.pipeline.motion.faults import clipped, leaps, longest_piece, spikes, still
 from pmg.pipeline.motion.phases import spans
 from pmg.pipeline.recording.checks.stretches import stretches, tell_stretches
 from pmg.pipeline.recording.checks.transducers import BAND_HZ
@@ -67,6 +67,7 @@ class _Judge:
             self._mask_blemishes()
             self._mask_torques()
             self._mask_angles()
+            self._mask_spikes()
             self._require_motion()
             self._mask_slip()
             self._require_enough()
@@ -145,6 +146,20 @@ class _Judge:
                     "Check encoder, cable and supply. The longest piece without a jump is kept.",
                     lost=f"{left} samples",
                 )
+
+    def _mask_spikes(self) -> None:
+        """Torques that stand out for an instant though the motor does not feel it."""
+        rate, inertia = self.recording.rate_hz, float(self.bench.motor.inertia)
+        for side in SIDES:
+            count = REVOLUTION / self.recording.calibration.counts_per_rev[side]
+            torque, angle = (self.signals[f"{name}_{side}"] for name in ("torque", "angle"))
+            found = self._mask(f"torque_{side}", spikes(torque, angle, rate, inertia, count), Code.SPIKES.value)
+            words = (
+                "stand out for an instant, and the motor's speed shows nothing of it",
+                "readings with noise",
+                "Check cable, shield and earth of the transducer. A straight line bridges these samples.",
+            )
+            tell_stretches(self.findings.warning, Code.SPIKES, f"torque_{side}", found, words, lost="{n} samples")
 
     def _keep_longest(self, column: str, cuts: npt.NDArray[np.int64]) -> int:
         """Leave out a signal but for its longest piece between cuts; gives the number of samples left out."""

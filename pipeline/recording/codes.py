@@ -77,6 +77,7 @@ class Code(StrEnum):
     NO_MOTION = "motion.none"
     ANGLE_LOST = "motion.angle_lost"
     CLIPPED = "motion.torque_clipped"
+    SPIKES = "motion.torque_spikes"
     POLES_SLIPPED = "motion.poles_slipped"
     TOO_LITTLE = "motion.too_little"
     RATE_DISAGREES = "samples.rate_disagrees"

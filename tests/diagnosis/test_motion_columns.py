@@ -289,7 +289,12 @@ def test_channels_that_show_one_value_all_the_time_have_rows_that_can_be_whitene
     silent_angle = AngleNoise(0.0, 0.0, NO_ERROR)
     still = first.run.shafts.map(lambda shaft: replace(shaft, density=0.0, angle_noise=silent_angle))
     silent = replace(baseline, stretches=(replace(first, run=replace(first.run, shafts=still, common=0.0)),))
-    assert np.isfinite(row_noise(silent, 0).white(np.ones((len(first), 1)))).all()
+    noise = row_noise(silent, 0)
+    assert np.isfinite(noise.white(np.ones((len(first), 1)))).all()
+    nothing = np.zeros((len(first), 0))
+    means, _ = shown._means_of(silent.stretches[0], noise, np.zeros(len(first)), nothing)
+    assert np.linalg.eigvalsh(means.covariance)[0] > 0.0
+    assert shown.slow_noise_of(silent.stretches, [noise], [np.zeros(len(first))], [nothing]).wander.sun.size > 0.0
 
 
 @pytest.mark.parametrize("off", [-1.2, 1.1])

@@ -10,11 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from tests.motion.moving_bench import (
     COUNT,
     ENGAGED,
+    NOISE,
     RATE,
     TIME,
+    Floats,
     at_rest,
     counts,
     geared,
@@ -31,11 +35,13 @@ from pmg.pipeline.commands.ingest import ALONE, run_ingest
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
+from pmg.pipeline.motion.faults import spikes
 from pmg.pipeline.motion.run import MovingRun
+from pmg.pipeline.motion.smooth import smooth
 from pmg.pipeline.motion.stored import moving_runs
 from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.store.store import Store
-from pmg.sim.bench import BenchParameters
+from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.errors import StoreError
 
 Count = npt.NDArray[np.int64]
@@ -193,6 +199,45 @@ def test_a_torque_at_its_end_is_masked(tmp_path: Path) -> None:
     left_out = np.isnan(runs["bad"].torque.sun)
     assert left_out.sum() > 50
     assert np.all(torques("sun")[:-1][left_out] > 0.095)
+
+
+PULSES = np.arange(203, 1400, 120)
+"""Samples at which a torque stands out."""
+
+
+def pulse(speed: Floats, size: float) -> tuple[Floats, Floats]:
+    """A torque that stands out at `PULSES` [N m], and the speed of a motor that feels it."""
+    torque = np.zeros(len(TIME))
+    torque[PULSES] = size
+    return torque, speed - np.cumsum(torque) / RATE / float(load_bench().motor.inertia)
+
+
+def test_spikes_that_the_shaft_does_not_feel_are_masked_and_bridged(tmp_path: Path) -> None:
+    size, _ = pulse(hump(60.0), 0.6)
+    runs, _, manifest = one(tmp_path, torque={"sun": lambda values: values + size})
+    assert codes(manifest) == {"motion.torque_spikes": "warning"}
+    bad = runs["bad"]
+    assert np.array_equal(np.flatnonzero(np.isnan(bad.torque.sun)), PULSES)
+    assert np.isfinite([*bad.angle, bad.torque.ring]).all()
+    rows, sound = (smooth(each).measured.sun for each in (bad, runs["sound"]))
+    assert np.isfinite(rows).all()
+    assert np.abs(rows - sound).max() < NOISE
+
+
+def test_an_impact_that_the_shaft_feels_is_a_torque(tmp_path: Path) -> None:
+    size, speed = pulse(hump(60.0), 0.6)
+    _, _, manifest = one(tmp_path, speeds={"sun": speed}, torque={"sun": lambda values: values + size})
+    assert not codes(manifest)
+
+
+@given(noise=st.floats(1e-4, 0.05), step=st.sampled_from([0.0, 1e-3, 0.05]), turn=st.floats(0.5, 60.0))
+@settings(max_examples=25, deadline=None)
+def test_noise_steps_and_waves_of_a_torque_are_no_spikes(noise: float, step: float, turn: float) -> None:
+    rng = np.random.default_rng(5)
+    torque: Floats = np.sin(2.0 * np.pi * turn * TIME) + (TIME > 1.5) + noise * rng.standard_normal(len(TIME))
+    if step:
+        torque = np.round(torque / step) * step
+    assert not len(spikes(torque.astype(np.float64), counts(hump(60.0)) * COUNT, RATE, 1e-3, COUNT))
 
 
 def test_a_torque_beyond_its_transducer_is_masked(tmp_path: Path) -> None:

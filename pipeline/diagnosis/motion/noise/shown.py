@@ -26,6 +26,10 @@ PIECE = 2.0
 FILLED = 0.5
 """Part of a piece that rows must fill for its mean to count."""
 
+FLOOR_LEFT_OUT = 0.999
+"""Part of the floor of the rows that their means do without. The rest is all the noise that means have of a channel
+that shows one value all the time."""
+
 LEAST_RIPPLE = 3e-4
 """Least standard deviation that is taken for the ripple of a turn [N m]."""
 
@@ -128,7 +132,7 @@ def _means_of(stretch: RotorRows, noise: RowNoise, left: Array, columns: Array) 
     found, p = inverse @ squares[:, len(squares) :], len(when)
     weights = noise.factor.adjoint(white[:, : len(squares)] @ inverse[:, :p])
     of_steps = weights.T @ noise.quantisation
-    covariance = inverse[:p, :p] - noise.floor * weights.T @ weights + of_steps @ of_steps.T
+    covariance = inverse[:p, :p] - FLOOR_LEFT_OUT * noise.floor * weights.T @ weights + of_steps @ of_steps.T
     return _Means(when, found[:p, -1], found[:p, :-1], covariance), found[p:, -1]
 
 
