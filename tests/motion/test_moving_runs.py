@@ -233,11 +233,11 @@ def test_an_impact_that_the_shaft_feels_is_a_torque(tmp_path: Path) -> None:
 @given(noise=st.floats(1e-4, 0.05), step=st.sampled_from([0.0, 1e-3, 0.05]), turn=st.floats(0.5, 60.0))
 @settings(max_examples=25, deadline=None)
 def test_noise_steps_and_waves_of_a_torque_are_no_spikes(noise: float, step: float, turn: float) -> None:
-    rng = np.random.default_rng(5)
+    rng, turned = np.random.default_rng(5), np.asarray(counts(hump(60.0)) * COUNT, dtype=np.float64)
     torque: Floats = np.sin(2.0 * np.pi * turn * TIME) + (TIME > 1.5) + noise * rng.standard_normal(len(TIME))
     if step:
         torque = np.round(torque / step) * step
-    assert not len(spikes(torque.astype(np.float64), counts(hump(60.0)) * COUNT, RATE, 1e-3, COUNT))
+    assert not len(spikes(torque, turned, RATE, 1e-3, COUNT))
 
 
 def test_a_torque_beyond_its_transducer_is_masked(tmp_path: Path) -> None:
