@@ -37,13 +37,15 @@ FLAT_S, FLAT_SAMPLES = 0.005, 5
 SPIKE_S, SPIKE_SAMPLES = 0.003, 3
 """Longest time [s] and samples of a spike."""
 SPIKE_NOISE, USUAL_S = 8.0, 0.1
-"""How far a spike stands out, in standard deviations of the readings over that time [s] around it; and farther than
-they change from before it to after, so that a step is no spike."""
+"""How far it stands out, in standard deviations of the readings over that time [s] around it; and farther than they
+change from before it to after, so that a step is no spike."""
+SLOPE_S, SPIKE_RATE = 0.01, 500.0
+"""Time over which the speed is taken before and after [s]; least samples a second of which a spike is told."""
 UNFELT = 0.15
-"""Part of the change of speed that its impulse would make, of which the shaft must show less. An impact that is over
+"""Part of the change of speed that its impulse would make, of which the motor must show less. An impact that is over
 within one sample may show a quarter."""
 SEEN_COUNTS = 9.0
-"""That change of speed, in counts over `SLOPE_SAMPLES`, from which on an encoder would show so small a part of it."""
+"""That change of speed, in counts over `SLOPE_S`, from which on an encoder would show so small a part of it."""
 
 
 def still(angle: Array, rate: float, count: float) -> Ranges:
@@ -120,62 +122,82 @@ def clipped(torque: Array, rate: float) -> Ranges:
 
 
 def spikes(torque: Array, angle: Array, rate: float, inertia: float, count: float) -> Ranges:
-    r"""Stretches (k, 2) in which a torque stands out for an instant and its shaft does not feel it.
+    r"""Stretches (k, 2) in which a torque stands out for an instant and the motor does not feel it.
 
     Parameters
     ----------
     torque, angle : (n,) array
-        Torque [N m] and angle [rad] of a shaft; NaN where it is not known.
+        Torque [N m] and angle [rad] of a shaft that turns; NaN where it is not known.
     rate : float
         Sample rate [Hz].
     inertia : float
-        On the encoder's side of the transducer [kg m2].
+        Of the motor, on whose side of the transducer the encoder sits [kg m2].
     count : float
         Angle of one count [rad].
 
     Notes
     -----
     An impact, as where play closes, is as short, but its impulse changes the speed of the motor,
-    :math:`J\,\Delta\omega = \int T\,dt`. One of which less than `UNFELT` shows is no torque. Where the encoder could
-    not show it, nothing is said.
+    :math:`J\,\Delta\omega = -\int T\,dt`. One of which less than `UNFELT` shows is no torque of the shaft. Where the
+    encoder could not show it, nothing is said. Two real torques are as little felt: an impact whose change of speed a
+    drive undoes within `SLOPE_S`, and a pulse of the motor itself against a far heavier rotor.
     """
-    known = np.isfinite(torque) & np.isfinite(angle)
-    if np.count_nonzero(known) < len(torque) / 2 or len(torque) < 8 * SLOPE_SAMPLES:
-        return np.empty((0, 2), dtype=np.int64)
-    at, longest = np.arange(len(torque)), max(SPIKE_SAMPLES, round(SPIKE_S * rate))
-    readings, turned = (np.interp(at, at[known], values[known]) for values in (torque, angle))
-    aside = longest // 2
-    level = np.pad(median_filter(readings, 2 * aside + 1), longest + aside, mode="edge")
-    before, after = level[: len(readings)], level[-len(readings) :]
-    off = readings - 0.5 * (before + after)
-    steps = np.abs(np.diff(readings))
-    step = float(steps[steps > 0.0].min(initial=0.0))
-    usual = median_filter(np.abs(off), 2 * round(0.5 * USUAL_S * rate) + 1, mode="nearest")
-    least = np.maximum(SPIKE_NOISE * np.maximum(NORMAL_MAD * usual, step), np.abs(after - before))
-    found = stretches(np.abs(off) > least)
-    edge = 3 * (longest + SLOPE_SAMPLES)  # within it of either end nothing tells the speed before or after
-    inner = (found[:, 0] >= edge) & (found[:, 1] <= len(torque) - edge)
-    found = found[inner & (found[:, 1] - found[:, 0] <= longest)]
+    found, off = _stand_outs(torque, rate)
+    known = np.isfinite(angle)
+    at, (longest, slope) = np.arange(len(angle)), _lengths(rate)
     whole = np.concatenate([[0.0], np.cumsum(off)])
-    slower = (whole[found[:, 1]] - whole[found[:, 0]]) / (rate * inertia)
-    felt = -_kink(turned, found, rate, longest) * np.sign(slower)
-    seen = np.abs(slower) > SEEN_COUNTS * count * rate / SLOPE_SAMPLES
-    return np.asarray(found[seen & (felt < UNFELT * np.abs(slower)).all(axis=0)])
-
-
-def _kink(angle: Array, at: Ranges, rate: float, longest: int) -> Array:
-    """Change of speed (2, k) [rad/s] over each stretch less that right before and after, and where others are near, as
-    it is."""
-    middle, reach = at.mean(axis=1).astype(np.int64), longest + SLOPE_SAMPLES
+    slower = np.abs(whole[found[:, 1]] - whole[found[:, 0]]) / (rate * inertia)
+    clear = slower > SEEN_COUNTS * count * rate / slope
+    found, slower = found[clear], slower[clear]
+    if not len(found):
+        return np.empty((0, 2), dtype=np.int64)
+    turned = np.interp(at, at[known], angle[known])
+    middle, reach = found.mean(axis=1).astype(np.int64), longest + slope
 
     def change(place: npt.NDArray[np.int64]) -> Array:
-        near = np.clip(place[:, None] + np.array([-reach, -longest, longest, reach]), 0, len(angle) - 1)
-        before, since, until, after = angle[near].T
-        return np.asarray((after - until - since + before) * rate / SLOPE_SAMPLES)
+        begin, before, after, end = turned[place[:, None] + np.array([-reach, -longest, longest, reach])].T
+        return np.asarray((end - after - before + begin) * rate / slope)
 
-    here, beside = change(middle), 0.5 * (change(middle - 2 * reach) + change(middle + 2 * reach))
-    near = np.diff(middle, prepend=-len(angle), append=2 * len(angle)) < 3 * reach
-    return np.stack([here - beside, np.where(near[1:] | near[:-1], here, here - beside)])
+    felt = change(middle) - 0.5 * (change(middle - 2 * reach) + change(middle + 2 * reach))
+    unknown = np.concatenate([[0], np.cumsum(~known)])
+    told = unknown[middle + 3 * reach] == unknown[middle - 3 * reach]
+    return np.asarray(found[told & (np.abs(felt) < UNFELT * slower)])
+
+
+def stand_outs(torque: Array, rate: float) -> Ranges:
+    """Stretches (k, 2), each alone, in which a torque (n,) [N m] stands out for an instant; of a shaft at rest, spikes.
+
+    What comes in quick succession, as where play rattles, or beside samples that are not known, is left alone.
+    """
+    return _stand_outs(torque, rate)[0]
+
+
+def _stand_outs(torque: Array, rate: float) -> tuple[Ranges, Array]:
+    """The same, and how far each sample is off the readings before and after it (n,) [N m]."""
+    known, (longest, slope) = np.isfinite(torque), _lengths(rate)
+    n, alone, aside = len(torque), 3 * (longest + slope), longest // 2
+    if rate < SPIKE_RATE or n < 3 * alone or np.count_nonzero(known) < n / 2:
+        return np.empty((0, 2), dtype=np.int64), np.zeros(n)
+    readings = np.interp(np.arange(n), np.flatnonzero(known), torque[known])
+    level = np.pad(median_filter(readings, 2 * aside + 1), longest + aside, mode="edge")
+    before, after = level[:n], level[-n:]
+    off = readings - 0.5 * (before + after)
+    steps = np.abs(np.diff(torque))
+    step = float(np.min(steps, where=steps > 0.0, initial=np.inf))
+    usual = median_filter(np.abs(off), 2 * round(0.5 * USUAL_S * rate) + 1, mode="nearest")
+    noise = np.maximum(NORMAL_MAD * usual, step)
+    found = stretches(np.abs(off) > np.maximum(SPIKE_NOISE * noise, np.abs(after - before)))
+    lonely = np.diff(found.mean(axis=1), prepend=-n, append=2 * n) > alone
+    unknown = np.concatenate([[0], np.cumsum(~known)])
+    first, stop = np.maximum(found[:, 0] - alone, 0), np.minimum(found[:, 1] + alone, n)
+    inner = (found[:, 0] >= alone) & (found[:, 1] <= n - alone) & (unknown[first] == unknown[stop])
+    short = found[:, 1] - found[:, 0] <= longest
+    return found[inner & lonely[1:] & lonely[:-1] & short], off
+
+
+def _lengths(rate: float) -> tuple[int, int]:
+    """Samples of the longest spike, and of the stretch over which a speed is taken beside it."""
+    return max(SPIKE_SAMPLES, round(SPIKE_S * rate)), max(SLOPE_SAMPLES, round(SLOPE_S * rate))
 
 
 def longest_piece(length: int, cuts: npt.NDArray[np.int64]) -> Mask:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.motion.faults import clipped, leaps, longest_piece, spikes, still
+from pmg.pipeline.motion.faults import clipped, leaps, longest_piece, spikes, stand_outs, still
 from pmg.pipeline.motion.phases import spans
 from pmg.pipeline.recording.checks.stretches import stretches, tell_stretches
 from pmg.pipeline.recording.checks.transducers import BAND_HZ
@@ -14,6 +14,7 @@ from pmg.pipeline.recording.findings import Code, Findings
 from pmg.pipeline.recording.tracks import COLUMNS
 from pmg.pipeline.store.moving_record import Extremes, MaskedStretch, MovingRecord
 from pmg.pipeline.windows.gaps import missing_channels
+from pmg.pipeline.wording.plurals import counted
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES, per_shaft
 from pmg.sim.signals import REVOLUTION
@@ -148,18 +149,26 @@ class _Judge:
                 )
 
     def _mask_spikes(self) -> None:
-        """Torques that stand out for an instant though the motor does not feel it."""
+        """Torques that stand out for an instant though the motor does not feel it, or though the shaft is held."""
         rate, inertia = self.recording.rate_hz, float(self.bench.motor.inertia)
         for side in SIDES:
-            count = REVOLUTION / self.recording.calibration.counts_per_rev[side]
-            torque, angle = (self.signals[f"{name}_{side}"] for name in ("torque", "angle"))
-            found = self._mask(f"torque_{side}", spikes(torque, angle, rate, inertia, count), Code.SPIKES.value)
-            words = (
-                "stand out for an instant, and the motor's speed shows nothing of it",
-                "readings with noise",
-                "Check cable, shield and earth of the transducer. A straight line bridges these samples.",
+            column, count = f"torque_{side}", REVOLUTION / self.recording.calibration.counts_per_rev[side]
+            torque, angle = self.signals[column], self.signals[f"angle_{side}"]
+            turns = _moves(angle, count)
+            found = spikes(torque, angle, rate, inertia, count) if turns else stand_outs(torque, rate)
+            if not len(found):
+                continue
+            size = max(float(np.ptp(torque[start - 1 : stop + 1])) for start, stop in found.tolist())
+            what = "that the speed of the motor does not show" if turns else "on a shaft that is held"
+            there = self._mask(column, found, Code.SPIKES.value)
+            self.findings.warning(
+                Code.SPIKES,
+                column,
+                f"{counted(len(found), 'spike')} of up to {size:.2g} N m {what}; expected torques that change a speed",
+                "Check cable, shield and earth of the transducer. Straight lines bridge these samples.",
+                sample_range=(int(there[0, 0]), int(there[-1, 1])),
+                lost=counted(int(np.sum(found[:, 1] - found[:, 0])), "sample"),
             )
-            tell_stretches(self.findings.warning, Code.SPIKES, f"torque_{side}", found, words, lost="{n} samples")
 
     def _keep_longest(self, column: str, cuts: npt.NDArray[np.int64]) -> int:
         """Leave out a signal but for its longest piece between cuts; gives the number of samples left out."""

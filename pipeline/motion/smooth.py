@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import binary_opening
 from scipy.signal import fftconvolve, firwin, welch
 
 from pmg.pipeline.motion.angle_noise import AngleNoise, angle_noise, common_density, median_over_mean
-from pmg.pipeline.motion.faults import SPIKE_S, SPIKE_SAMPLES
 from pmg.sim.errors import FitError
 from pmg.sim.shafts import PerShaft, per_shaft
 from pmg.sim.signals import REVOLUTION
@@ -171,7 +169,7 @@ def smooth(run: MovingRun) -> SmoothRun:
     All signals go through the same linear-phase filters, so that equations of motion hold between rows as they hold
     between signals. A torque that is no linear function of them is worked out at the fine samples, whose filter is
     flat over the band, and then low-passed like the rest. A missing stretch of a signal (NaN) is bridged by a straight
-    line, and its rows are NaN unless it is as short as a spike.
+    line, and its rows are NaN.
 
     Raises
     ------
@@ -213,8 +211,7 @@ def smooth(run: MovingRun) -> SmoothRun:
 
     def measured(side: str) -> Array:
         known = np.isfinite(run.torque[side]) & np.isfinite(run.angle[side])
-        missing = binary_opening(~known, np.ones(1 + max(SPIKE_SAMPLES, round(SPIKE_S * run.rate)), dtype=np.bool_))
-        lost = fftconvolve(missing, np.ones(len(weights)), "valid")[::step] > 0.5
+        lost = fftconvolve(~known, np.ones(len(weights)), "valid")[::step] > 0.5
         far = fftconvolve(lost, np.ones(len(found.weights)), "valid")[::PER_ROW] > 0.5
         return np.where(far, np.nan, found.rows(shafts[side].torque))
 

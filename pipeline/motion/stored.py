@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.grid.campaign import choose_campaign
+from pmg.pipeline.motion.faults import stand_outs
 from pmg.pipeline.motion.run import MovingRun
+from pmg.pipeline.recording.codes import Code
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.pipeline.recording.tracks import COLUMNS
 from pmg.pipeline.store.moving_record import Extremes, MovingRecord, Phase
 from pmg.sim.grid import Configuration
-from pmg.sim.shafts import PerShaft, per_shaft
+from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.store.manifest import Manifest, StoredWindow
     from pmg.pipeline.store.store import Store
+    from pmg.sim.signals import Array
 
 AT_REST = Extremes(0.0, 0.0)
 
@@ -106,13 +109,20 @@ def _zero_check(window: StoredWindow) -> JudgedRun:
 
 
 def _run(store: Store, manifest: Manifest, judged: JudgedRun) -> MovingRun:
-    """A run with its samples; NaN where they are no measurement."""
+    """A run with its samples; NaN where they are no measurement, straight lines where its torques spike."""
     record = judged.record
     first = record.first_sample
     part = store.samples(manifest).slice(first - manifest.first_sample, record.stop_sample - first)
     signals = {name: part[name].to_numpy().astype(np.float64) for name in COLUMNS}
     for masked in record.masked:
-        signals[masked.column][masked.first_sample - first : masked.stop_sample - first] = np.nan
+        start, stop = masked.first_sample - first, masked.stop_sample - first
+        signals[masked.column][start:stop] = np.nan
+        if masked.why == Code.SPIKES.value:
+            _bridge(signals[masked.column], start, stop)
+    if judged.manoeuvre is Manoeuvre.ZERO:
+        for torque in (signals[f"torque_{side}"] for side in SIDES):
+            for start, stop in stand_outs(torque, manifest.rate_hz).tolist():
+                _bridge(torque, start, stop)
     return MovingRun(
         file=manifest.file,
         point=record.point,
@@ -130,3 +140,8 @@ def _run(store: Store, manifest: Manifest, judged: JudgedRun) -> MovingRun:
             replace(p, first_sample=p.first_sample - first, stop_sample=p.stop_sample - first) for p in record.phases
         ),
     )
+
+
+def _bridge(signal: Array, start: int, stop: int) -> None:
+    """Put a straight line in place of samples inside a signal (n,)."""
+    signal[start - 1 : stop + 1] = np.linspace(signal[start - 1], signal[stop], stop - start + 2)

@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.windows.window import Window
     from pmg.sim.signals import Array
 
-REDUCTION = 5
-"""Version of what an ingest keeps of a recording: means, uncertainties, temperatures. Counted up with every change."""
+REDUCTION = 6
+"""Version of what an ingest keeps of a recording: means, uncertainties, temperatures, samples masked in runs in motion.
+Counted up with every change."""
 CUTOFF_HZ = 0.5
 """Cut-off of the brick-wall filter that the bench's evaluation applies to the torques [Hz]."""
 DOUBTED = 0.45

@@ -291,10 +291,15 @@ def test_channels_that_show_one_value_all_the_time_have_rows_that_can_be_whitene
     silent = replace(baseline, stretches=(replace(first, run=replace(first.run, shafts=still, common=0.0)),))
     noise = row_noise(silent, 0)
     assert np.isfinite(noise.white(np.ones((len(first), 1)))).all()
-    nothing = np.zeros((len(first), 0))
-    means, _ = shown._means_of(silent.stretches[0], noise, np.zeros(len(first)), nothing)
-    assert np.linalg.eigvalsh(means.covariance)[0] > 0.0
-    assert shown.slow_noise_of(silent.stretches, [noise], [np.zeros(len(first))], [nothing]).wander.sun.size > 0.0
+    other = replace(
+        baseline, stretches=(next(s for s in baseline.stretches if s.side == first.side and not s.at_rest),)
+    )
+    sound, off = row_noise(other, 0), np.random.default_rng(4).standard_normal(len(other.stretches[0]))
+    nothing = [np.zeros((len(stretch), 0)) for stretch in (first, *other.stretches)]
+    alone = shown.slow_noise_of(other.stretches, [sound], [off], nothing[1:])
+    both = silent.stretches + other.stretches, [noise, sound], [np.zeros(len(first)), off], nothing
+    told = shown.slow_noise_of(*both)
+    assert told.wander[first.side].size == alone.wander[first.side].size
 
 
 @pytest.mark.parametrize("off", [-1.2, 1.1])

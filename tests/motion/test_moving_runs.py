@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from tests.motion.moving_bench import (
     COUNT,
     ENGAGED,
@@ -35,13 +33,12 @@ from pmg.pipeline.commands.ingest import ALONE, run_ingest
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
-from pmg.pipeline.motion.faults import spikes
 from pmg.pipeline.motion.run import MovingRun
 from pmg.pipeline.motion.smooth import smooth
 from pmg.pipeline.motion.stored import moving_runs
 from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.store.store import Store
-from pmg.sim.bench import BenchParameters, load_bench
+from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import StoreError
 
 Count = npt.NDArray[np.int64]
@@ -202,42 +199,43 @@ def test_a_torque_at_its_end_is_masked(tmp_path: Path) -> None:
 
 
 PULSES = np.arange(203, 1400, 120)
-"""Samples at which a torque stands out."""
+"""Samples at which a torque spikes."""
 
 
-def pulse(speed: Floats, size: float) -> tuple[Floats, Floats]:
-    """A torque that stands out at `PULSES` [N m], and the speed of a motor that feels it."""
-    torque = np.zeros(len(TIME))
-    torque[PULSES] = size
-    return torque, speed - np.cumsum(torque) / RATE / float(load_bench().motor.inertia)
+def spiking(values: Floats) -> Floats:
+    """A torque with a spike at each of `PULSES`."""
+    spoiled = values.copy()
+    spoiled[PULSES] += 0.6
+    return spoiled
 
 
-def test_spikes_that_the_shaft_does_not_feel_are_masked_and_bridged(tmp_path: Path) -> None:
-    size, _ = pulse(hump(60.0), 0.6)
-    runs, _, manifest = one(tmp_path, torque={"sun": lambda values: values + size})
+def test_spikes_are_named_and_bridged(tmp_path: Path) -> None:
+    runs, _, manifest = one(tmp_path, torque=dict.fromkeys(("sun", "ring"), spiking))
     assert codes(manifest) == {"motion.torque_spikes": "warning"}
-    bad = runs["bad"]
-    assert np.array_equal(np.flatnonzero(np.isnan(bad.torque.sun)), PULSES)
-    assert np.isfinite([*bad.angle, bad.torque.ring]).all()
-    rows, sound = (smooth(each).measured.sun for each in (bad, runs["sound"]))
-    assert np.isfinite(rows).all()
+    of_sun, of_ring = (finding["message"] for finding in manifest["findings"])
+    assert of_sun.startswith("10 spikes of up to 0.")
+    assert "motor" in of_sun
+    assert "held" in of_ring
+    masked = manifest["moving"][0]["masked"]
+    for side in ("sun", "ring"):
+        assert [m["first_sample"] for m in masked if m["column"] == f"torque_{side}"] == PULSES.tolist()
+        between = np.delete(np.arange(len(TIME) - 1), PULSES)
+        np.testing.assert_allclose(runs["bad"].torque[side][between], torques(side)[between], atol=1e-9)
+    rows, sound = (smooth(each).measured.sun for each in (runs["bad"], runs["sound"]))
     assert np.abs(rows - sound).max() < NOISE
 
 
-def test_an_impact_that_the_shaft_feels_is_a_torque(tmp_path: Path) -> None:
-    size, speed = pulse(hump(60.0), 0.6)
-    _, _, manifest = one(tmp_path, speeds={"sun": speed}, torque={"sun": lambda values: values + size})
-    assert not codes(manifest)
-
-
-@given(noise=st.floats(1e-4, 0.05), step=st.sampled_from([0.0, 1e-3, 0.05]), turn=st.floats(0.5, 60.0))
-@settings(max_examples=25, deadline=None)
-def test_noise_steps_and_waves_of_a_torque_are_no_spikes(noise: float, step: float, turn: float) -> None:
-    rng, turned = np.random.default_rng(5), np.asarray(counts(hump(60.0)) * COUNT, dtype=np.float64)
-    torque: Floats = np.sin(2.0 * np.pi * turn * TIME) + (TIME > 1.5) + noise * rng.standard_normal(len(TIME))
-    if step:
-        torque = np.round(torque / step) * step
-    assert not len(spikes(torque, turned, RATE, 1e-3, COUNT))
+def test_spikes_of_a_zero_check_are_bridged(tmp_path: Path) -> None:
+    folder = tmp_path / "in"
+    folder.mkdir()
+    still = {side: np.zeros(len(TIME)) for side in ("sun", "ring")}
+    noisy = {"sun": lambda _: spiking(noise("sun")), "ring": lambda _: noise("ring")}
+    moving(folder / "z.mcap", "zero", still, run={"configuration": "zero"}, torque=noisy)
+    moving(folder / "a.mcap", run=started(1))
+    zero = moving_runs(ingested(folder)[0])[0]
+    assert str(zero.manoeuvre) == "zero"
+    assert np.ptp(zero.torque.sun) < 10.0 * NOISE
+    np.testing.assert_allclose(zero.torque.ring, noise("ring")[:-1], atol=1e-9)
 
 
 def test_a_torque_beyond_its_transducer_is_masked(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import block_diag, eigh
 
 from pmg.pipeline.diagnosis.motion.constants import RIPPLE
-from pmg.pipeline.diagnosis.motion.noise.row_noise import USUAL, SlowNoise, turns_of
+from pmg.pipeline.diagnosis.motion.noise.row_noise import QUIETEST, USUAL, SlowNoise, turns_of
 from pmg.pipeline.diagnosis.motion.noise.wander import TIMES, Wander, of_means
 from pmg.sim.shafts import per_shaft
 from pmg.sim.signals import NORMAL_MAD
@@ -25,10 +25,6 @@ PIECE = 2.0
 
 FILLED = 0.5
 """Part of a piece that rows must fill for its mean to count."""
-
-FLOOR_LEFT_OUT = 0.999
-"""Part of the floor of the rows that their means do without. The rest is all the noise that means have of a channel
-that shows one value all the time."""
 
 LEAST_RIPPLE = 3e-4
 """Least standard deviation that is taken for the ripple of a turn [N m]."""
@@ -98,6 +94,8 @@ def slow_noise_of(
     told: dict[str, list[_Means]] = {}
     ripples: dict[tuple[str, bool], list[Array]] = {}
     for place, stretch in enumerate(stretches):
+        if noise[place].floor <= QUIETEST**2:  # as a channel that shows one value, and nothing of its wander
+            continue
         means, waves = _means_of(stretch, noise[place], left[place], columns[place])
         told.setdefault(stretch.side, []).append(means)
         if len(waves):
@@ -132,7 +130,7 @@ def _means_of(stretch: RotorRows, noise: RowNoise, left: Array, columns: Array) 
     found, p = inverse @ squares[:, len(squares) :], len(when)
     weights = noise.factor.adjoint(white[:, : len(squares)] @ inverse[:, :p])
     of_steps = weights.T @ noise.quantisation
-    covariance = inverse[:p, :p] - FLOOR_LEFT_OUT * noise.floor * weights.T @ weights + of_steps @ of_steps.T
+    covariance = inverse[:p, :p] - noise.floor * weights.T @ weights + of_steps @ of_steps.T
     return _Means(when, found[:p, -1], found[:p, :-1], covariance), found[p:, -1]
 
 
