@@ -38,7 +38,7 @@ from pmg.pipeline.diagnosis.motion.mismatch import MotionPlace
 from pmg.pipeline.diagnosis.motion.noise.row_noise import SlowNoise, row_noise
 from pmg.pipeline.diagnosis.motion.noise.wander import Wander
 from pmg.pipeline.diagnosis.motion.places import where_to_look
-from pmg.pipeline.diagnosis.motion.rows import stretches_of
+from pmg.pipeline.diagnosis.motion.rows import CREEPING_COUNTS, STANDSTILL, stretches_of
 from pmg.pipeline.diagnosis.motion.statement import largest_place, phrase
 from pmg.pipeline.diagnosis.motion.traces import effects_of, traces_of
 from pmg.pipeline.diagnosis.motion.view import lagging, stopping
@@ -120,6 +120,18 @@ def test_a_wave_in_the_band_goes_through_with_its_derivatives(frequency: float, 
     inner = slice(10, -10)
     slope = 2.0 * np.pi * frequency * np.cos(2.0 * np.pi * frequency * t + phase)
     assert np.abs(derivative(wave, RATE) - slope)[inner].max() < 1e-6 * 2.0 * np.pi * frequency
+
+
+@pytest.mark.parametrize(("coarser", "creeping"), [(1, STANDSTILL), (4, 4.0 * CREEPING_COUNTS * COUNT)])
+def test_rows_are_left_out_where_an_encoder_shows_steps_one_by_one(coarser: int, creeping: float) -> None:
+    run = _run(1, Manoeuvre.RAMP, _ramp(60.0), np.random.default_rng(1))
+    width = PerShaft(coarser * COUNT, coarser * COUNT)
+    counted = PerShaft(np.floor(run.angle.sun / width.sun) * width.sun, run.angle.ring)
+    (stretch,) = stretches_of((smooth(replace(run, angle=counted, count=width)),))
+    speed = stretch.run.rows(stretch.shaft.speed)
+    assert np.abs(speed[stretch.rows]).min() == pytest.approx(creeping, abs=0.15)
+    assert not (stretch.rows & (speed < creeping - 0.01)).any()
+    assert stretch.rows[speed > creeping].all()
 
 
 def test_signals_of_a_run_keep_the_equation_between_them() -> None:

@@ -31,9 +31,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft
     from pmg.sim.signals import Array, Mask
 
-STANDSTILL, STANDING = 0.2, 0.15
-"""Speed [rad/s] below which a shaft stands or creeps, and time [s] from which on its rows are left out: what holds it
-is then as large as it needs to be. A reversal passes through it sooner."""
+STANDSTILL, CREEPING_COUNTS, STANDING = 0.2, 160.0, 0.15
+"""Speed [rad/s], and counts a second, below which a shaft stands or creeps, and time [s] from which on its rows are
+left out: what holds it is then as large as it needs to be, and its encoder shows steps one by one. A reversal passes
+through it sooner."""
 
 SLOPE_STEP = 0.05
 """Step of a speed [rad/s] over which the change of drag with it is taken."""
@@ -101,7 +102,8 @@ def stretches_of(runs: tuple[SmoothRun, ...]) -> tuple[RotorRows, ...]:
             if run.run.manoeuvre is Manoeuvre.ZERO:
                 rows = known
             elif run.run.turns[side]:
-                rows = known & ~_standing(run.rows(shaft.speed), run.row_rate)
+                least = max(STANDSTILL, CREEPING_COUNTS * run.run.count[side])
+                rows = known & ~_standing(run.rows(shaft.speed), least, run.row_rate)
             else:
                 continue
             if rows.sum() > 1:
@@ -120,9 +122,9 @@ def held_beside(stretches: tuple[RotorRows, ...]) -> tuple[RotorRows, ...]:
     return tuple(replace(each, rows=rows) for each, rows in known if rows.sum() > 1)
 
 
-def _standing(speed: Array, rate: float) -> Mask:
-    """Rows (r,) at which a shaft stands, and does so for more than an instant."""
-    still = np.abs(speed) < STANDSTILL
+def _standing(speed: Array, creeping: float, rate: float) -> Mask:
+    """Rows (r,) at which a shaft is slower than a speed [rad/s], and is so for more than an instant."""
+    still = np.abs(speed) < creeping
     least = max(round(STANDING * rate), 1)
     return np.asarray(binary_opening(still, np.ones(2 * (least // 2) + 1, dtype=np.bool_)))
 
