@@ -67,13 +67,13 @@ RECORD = {
 
 
 IN_MOTION = {
-    "named": TrackRecord("a cause named", "The cause named was right", 71, 78),
-    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 8, 9),
+    "named": TrackRecord("a cause named", "The cause named was right", 72, 79),
+    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 5, 5),
     "weak": TrackRecord(
-        "a difference too weak to name its cause, or none proved", "The truth was among those given", 17, 22
+        "a difference too weak to name its cause, or none proved", "The truth was among those given", 13, 14
     ),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "The cause was unknown or the closest", 22, 26
+        "no known cause given, with those that come near", "The cause was unknown or the closest", 26, 31
     ),
 }
 """The same of runs in motion, from the trial of 240 campaigns in ``pipeline/trials/motion/README.md``."""
