@@ -40,7 +40,7 @@ SPIKE_NOISE, USUAL_S = 8.0, 0.1
 """How far it stands out, in standard deviations of the readings over that time [s] around it; and farther than they
 change from before it to after, so that a step is no spike."""
 SLOPE_S, SPIKE_RATE = 0.01, 500.0
-"""Time over which the speed is taken before and after [s]; least samples a second of which a spike is told."""
+"""Time over which the speed is measured before and after a spike [s]; lowest sample rate at which one is found [Hz]."""
 UNFELT = 0.15
 """Part of the change of speed that its impulse would make, of which the motor must show less. An impact that is over
 within one sample may show a quarter."""
@@ -142,32 +142,25 @@ def spikes(torque: Array, angle: Array, rate: float, inertia: float, count: floa
     encoder could not show it, nothing is said. Two real torques are as little felt: an impact whose change of speed a
     drive undoes within `SLOPE_S`, and a pulse of the motor itself against a far heavier rotor.
     """
-    found, off = _stand_outs(torque, rate)
-    known = np.isfinite(angle)
-    at, (longest, slope) = np.arange(len(angle)), _lengths(rate)
+    found, off = _stand_outs(np.where(np.isfinite(angle), torque, np.nan), rate)
+    longest, slope = _lengths(rate)
     whole = np.concatenate([[0.0], np.cumsum(off)])
     slower = np.abs(whole[found[:, 1]] - whole[found[:, 0]]) / (rate * inertia)
-    clear = slower > SEEN_COUNTS * count * rate / slope
-    found, slower = found[clear], slower[clear]
-    if not len(found):
-        return np.empty((0, 2), dtype=np.int64)
-    turned = np.interp(at, at[known], angle[known])
     middle, reach = found.mean(axis=1).astype(np.int64), longest + slope
 
     def change(place: npt.NDArray[np.int64]) -> Array:
-        begin, before, after, end = turned[place[:, None] + np.array([-reach, -longest, longest, reach])].T
+        begin, before, after, end = angle[place[:, None] + np.array([-reach, -longest, longest, reach])].T
         return np.asarray((end - after - before + begin) * rate / slope)
 
     felt = change(middle) - 0.5 * (change(middle - 2 * reach) + change(middle + 2 * reach))
-    unknown = np.concatenate([[0], np.cumsum(~known)])
-    told = unknown[middle + 3 * reach] == unknown[middle - 3 * reach]
-    return np.asarray(found[told & (np.abs(felt) < UNFELT * slower)])
+    seen = slower > SEEN_COUNTS * count * rate / slope
+    return np.asarray(found[seen & (np.abs(felt) < UNFELT * slower)])
 
 
 def stand_outs(torque: Array, rate: float) -> Ranges:
     """Stretches (k, 2), each alone, in which a torque (n,) [N m] stands out for an instant; of a shaft at rest, spikes.
 
-    What comes in quick succession, as where play rattles, or beside samples that are not known, is left alone.
+    Pulses in quick succession, as of play that rattles, and pulses beside unknown samples are not taken for spikes.
     """
     return _stand_outs(torque, rate)[0]
 

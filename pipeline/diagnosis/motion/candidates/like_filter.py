@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
 
 LOUDEST, LITTLE = 1.3, 0.03
-"""Scatter of the rows beside a cause from which on it is refused, in units of the noise; and the part of the torque
-moved by the cause's constants below which such a scatter does not count. Causes of the library left 0.93 to 1.15 in 27
+"""Largest scatter of the rows beside a cause that is named, in units of the noise; and the part of the torque moved by
+the cause's constants below which a larger scatter does not count. Causes of the library left 0.93 to 1.15 in 27
 campaigns, three inertias among them. Two heavy masses on the ring left 1.5 and 2.1, a hundredth of their own torque. A
 mass on a spring of 19 Hz left 1.9 where a soft coupling was named."""
 
@@ -37,11 +37,11 @@ def scatter_beside(found: MotionEvidence, best: Explanation[TermFit, TermProblem
 
 
 def unless_like_filter(naming: TermNaming, found: MotionEvidence) -> TermNaming:
-    """The answer, with nothing named if the rows beside it scatter well above the noise.
+    """Withdraw the cause that is named if the rows beside it scatter well above the noise.
 
     A scatter that is small against what the set explains does not count. The noise is estimated without the columns of
     transducer faults, as these hold noise. Lags and delays of many times together fit any filter of a torque, such as a
-    resonance, so that beside one a small cause would seem to explain all there is.
+    resonance: a small cause beside a resonance would then seem to explain everything.
     """
     if not (naming.best.fits or naming.weak):
         return naming
