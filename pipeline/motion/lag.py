@@ -6,39 +6,59 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+
+from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     from pmg.sim.signals import Array, Spectrum
 
+FIRST_ORDER, EQUAL_LAGS, BUTTERWORTH = 0.0, 0.25, 0.5
+"""Sharpness of a first-order lag, of two equal ones in series, and of a low-pass of Butterworth of the second order."""
+
+FORGOTTEN = 10.0
+"""Times of a lag after which nothing is left of what was before."""
+
 
 @dataclass(frozen=True)
 class Lag:
-    r"""Lags of equal time, one after the other: :math:`y = x / (1 + \tau s / n)^n`.
+    r"""A low-pass of the first or second order: :math:`y = x / (1 + \tau s + k \tau^2 s^2)`.
 
     Parameters
     ----------
     side : str
         Shaft of the transducer.
     time : float
-        Of all together [s].
-    order : int
-        How many.
+        By which it shows a ramp late [s].
+    sharpness : float
+        The factor k.
     """
 
     side: str
     time: float
-    order: int
+    sharpness: float
 
     def of(self, torque: Array, rate: float) -> Array:
-        """Torques (n, k) at fine samples of a rate [1/s] as they are shown; straight lines between them, exactly."""
-        kept = float(np.exp(-self.order / (rate * self.time)))
-        mean = (1.0 - kept) * self.time * rate / self.order
-        found = torque
-        for _ in range(self.order):
-            found = found[0] + lfilter([1.0 - mean, mean - kept], [1.0, -kept], found - found[0], axis=0)
-        return np.asarray(found)
+        """Torques (n, k) at samples of a rate [1/s] as they are shown: before the first they were as mirrored in it.
+
+        Exact for waves below half the rate. Straight lines between the samples would lose 2 % of a wave of 20 Hz.
+        """
+        before = int(np.ceil(FORGOTTEN * self.time * rate)) + 1
+        size = next_fast_len(len(torque) + 2 * before, real=True)
+        after = size - len(torque) - before
+        whole = np.pad(torque, ((before, after), (0, 0)), mode="reflect", reflect_type="odd")
+        slope = (whole[-1] - whole[0]) / (size - 1)
+        straight = whole[0] + slope * np.arange(size)[:, None]
+        wave = np.asarray(1j * REVOLUTION * rfftfreq(size, 1.0 / rate), dtype=np.complex128)
+        shown = irfft(rfft(whole - straight, axis=0) * self.response(wave)[:, None], size, axis=0)
+        return np.asarray(shown + straight - slope * self.time * rate)[before : before + len(torque)]
 
     def response(self, rate: Spectrum) -> Spectrum:
         """What is shown of a wave, by its rate of change (f,)."""
-        return np.asarray((1.0 + rate * self.time / self.order) ** -self.order)
+        return np.asarray(1.0 / np.polyval(self._polynomial, rate))
+
+    @property
+    def _polynomial(self) -> list[float]:
+        """Of the rate of change, highest power first."""
+        square = [self.sharpness * self.time**2] if self.sharpness else []
+        return [*square, self.time, 1.0]

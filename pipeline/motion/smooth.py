@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.signal import fftconvolve, firwin, welch
+from scipy.signal import fftconvolve, firwin
 
-from pmg.pipeline.motion.angle_noise import AngleNoise, angle_noise, common_density, median_over_mean
+from pmg.pipeline.motion.angle_noise import AngleNoise, angle_noise, common_density
+from pmg.pipeline.motion.torque_noise import white_density
 from pmg.sim.errors import FitError
 from pmg.sim.shafts import PerShaft, per_shaft
 from pmg.sim.signals import REVOLUTION
@@ -34,9 +35,6 @@ STENCIL = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0
 
 LEAST_RATE = 250.0
 """Least samples a second of which noise can be told above the band of the rows [1/s]."""
-
-PIECE = 0.25
-"""Length of the pieces of a record of which the noise of its torque is told [s]."""
 
 CALM, CALM_HALF = 4.0, 0.3
 """Cut-off of the low-pass of an angle that is counted again for the noise of its steps [Hz], half its length [s]."""
@@ -190,7 +188,7 @@ def smooth(run: MovingRun) -> SmoothRun:
         return np.asarray(fftconvolve(values, weights, "valid")[::step])
 
     def shaft(side: str) -> SmoothShaft:
-        torque, angle = _bridged(run.torque[side]), _bridged(run.angle[side])
+        torque, angle = bridged(run.torque[side]), bridged(run.angle[side])
         angle = angle - REVOLUTION * np.floor(angle[0] / REVOLUTION)
         speed, torque_rate = derivative(angle, run.rate), derivative(torque, run.rate)
         return SmoothShaft(
@@ -200,13 +198,13 @@ def smooth(run: MovingRun) -> SmoothRun:
             angle=through(angle),
             speed=through(speed),
             acceleration=through(derivative(speed, run.rate)),
-            density=_white_density(torque, run.rate),
-            angle_noise=angle_noise(angle, run.count[side], run.rate, filters, _above),
+            density=white_density(torque, run.rate, above_band),
+            angle_noise=angle_noise(angle, run.count[side], run.rate, filters, above_band),
         )
 
     shafts = per_shaft(shaft)
     most = MOST_COMMON * math.sqrt(shafts.sun.angle_noise.density * shafts.ring.angle_noise.density)
-    common = min(max(common_density(run.angle.map(_bridged), run.rate, _above), -most), most)
+    common = min(max(common_density(run.angle.map(bridged), run.rate, above_band), -most), most)
     found = SmoothRun(run, time, run.rate / step, shafts, PerShaft(time, time), common)
 
     def measured(side: str) -> Array:
@@ -272,22 +270,13 @@ def _low_pass(cut_off: float, half_length: float, rate: float) -> Array:
     return np.asarray(firwin(2 * round(half_length * rate) + 1, cut_off, window=("kaiser", KAISER), fs=rate))
 
 
-def _bridged(values: Array) -> Array:
+def bridged(values: Array) -> Array:
     """Values with missing stretches bridged by straight lines."""
     known = np.isfinite(values)
     at = np.arange(len(values))
     return values if known.all() else np.interp(at, at[known], values[known])
 
 
-def _white_density(torque: Array, rate: float) -> float:
-    """Spectral density of a torque's noise well above the band [(N m)2/Hz], one-sided.
-
-    It is that of most pieces of the record, as a load that changes at once has power at every frequency for a moment.
-    """
-    piece = min(round(PIECE * rate), len(torque))
-    frequency, density = welch(torque, rate, nperseg=piece, average="median")
-    return float(np.median(density[_above(frequency, rate)])) / median_over_mean(len(torque) / piece)
-
-
-def _above(frequency: Array, rate: float) -> Mask:
+def above_band(frequency: Array, rate: float) -> Mask:
+    """Frequencies [Hz] at which a record of a rate shows noise and no motion."""
     return np.asarray((frequency > 3.0 * BAND) & (frequency < 0.4 * rate))

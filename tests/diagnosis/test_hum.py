@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET, _run_by_run
+from pmg.pipeline.diagnosis.motion.compressed import _run_by_run
+from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET
 from pmg.pipeline.diagnosis.motion.noise import hum
 from pmg.pipeline.diagnosis.motion.noise.hum import hums_of
 from pmg.pipeline.diagnosis.motion.rows import RotorRows

@@ -22,7 +22,7 @@ from pmg.pipeline.diagnosis.motion.regressors import _mixing
 from pmg.pipeline.diagnosis.motion.rows import _twist, stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.motion.angle_noise import EVEN, AngleNoise, NoiseCourse
-from pmg.pipeline.motion.lag import Lag
+from pmg.pipeline.motion.lag import BUTTERWORTH, EQUAL_LAGS, FIRST_ORDER, Lag
 from pmg.pipeline.motion.quantisation import NO_ERROR, QuantisationError
 from pmg.pipeline.motion.smooth import MOST_COMMON, SmoothRun, SmoothShaft, row_weights, smooth
 from pmg.pipeline.trials.motion.bench import draw_bench
@@ -76,12 +76,18 @@ def test_columns_are_what_the_prediction_changes_by(baseline: MotionBaseline) ->
     assert still <= {"drag_ring_off_at_150"}, "acts on nothing, and not because the ring stays slower"
 
 
-@pytest.mark.parametrize("order", [1, 2])
-def test_beside_a_lag_columns_are_what_the_lagging_reading_changes_by(baseline: MotionBaseline, order: int) -> None:
+OF_LAG = ("inertia_sun", "compliance_sun", "drag_sun_0.5", "zero_sun", "ripple_sun_1_cosine")
+"""Constants of every kind that a reading may be late about, or is not."""
+
+
+@pytest.mark.parametrize("sharpness", [FIRST_ORDER, EQUAL_LAGS, BUTTERWORTH])
+def test_beside_a_lag_columns_are_what_the_lagging_reading_changes_by(
+    baseline: MotionBaseline, sharpness: float
+) -> None:
     """An unlagged column would lead the fit of a long lag away from the bench."""
-    sheet, lag = baseline.sheet, Lag("sun", 0.02, order)
+    sheet, lag = baseline.sheet, Lag("sun", 0.02, sharpness)
     lagging = replace(baseline, lags=(lag,))
-    moved = [sheet.at(name) for name in ("inertia_sun", "compliance_sun", "drag_sun_0.5", "zero_sun")]
+    moved = [sheet.at(name) for name in OF_LAG]
 
     def shown(values: Array, place: int) -> Array:
         state = MotionBaseline(sheet, values, baseline.stretches).states[place]

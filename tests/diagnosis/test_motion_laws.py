@@ -22,7 +22,7 @@ from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, probabilities
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion.candidates.coupling_terms import _crossing
-from pmg.pipeline.diagnosis.motion.candidates.reading_terms import _unheld
+from pmg.pipeline.diagnosis.motion.candidates.late_terms import _unheld
 from pmg.pipeline.diagnosis.motion.candidates.terms import signed, stack, term
 from pmg.pipeline.diagnosis.motion.constants import FORM_SPEEDS, sheet_of
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion

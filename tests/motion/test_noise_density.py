@@ -7,10 +7,12 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
-from scipy.signal import fftconvolve, lfilter
+from scipy.signal import butter, fftconvolve, lfilter, sosfilt
 
+from pmg.pipeline.diagnosis.motion.noise.filtered_torque import with_noise_of_band
 from pmg.pipeline.motion.run import MovingRun
-from pmg.pipeline.motion.smooth import _white_density, row_weights, smooth
+from pmg.pipeline.motion.smooth import above_band, row_weights, smooth
+from pmg.pipeline.motion.torque_noise import white_density
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.errors import FitError
 from pmg.sim.grid import Configuration
@@ -191,8 +193,33 @@ def test_a_load_that_changes_at_once_is_no_noise_of_the_torque() -> None:
 @pytest.mark.parametrize("rate", [500.0, 1000.0, 2000.0])
 def test_the_noise_of_a_torque_is_told_of_short_records_too(rate: float, length: float) -> None:
     rng = np.random.default_rng(11)
-    told = [_white_density(WHITE * rng.standard_normal(round(length * rate)), rate) for _ in range(200)]
+    told = [white_density(WHITE * rng.standard_normal(round(length * rate)), rate, above_band) for _ in range(200)]
     assert np.mean(told) == pytest.approx(2.0 * WHITE**2 / rate, rel=0.04)
+
+
+def _behind(cut_off: float, length: float, rng: np.random.Generator) -> Array:
+    """Noise of a density of 1 behind a low-pass of Butterworth of the second order [Hz]; infinite, none."""
+    noise = np.sqrt(0.5 * RATE) * rng.standard_normal(round(length * RATE))
+    return noise if np.isinf(cut_off) else np.asarray(sosfilt(butter(2, cut_off, fs=RATE, output="sos"), noise))
+
+
+@pytest.mark.parametrize(("cut_off", "off"), [(np.inf, 0.05), (100.0, 0.15), (50.0, 0.15)])
+def test_noise_behind_a_low_pass_is_told_as_dense_as_it_is_in_the_band(cut_off: float, off: float) -> None:
+    rng = np.random.default_rng(12)
+    checks = [_run(_behind(cut_off, 6.0, rng), np.zeros(6000)) for _ in range(3)]
+    moving = _run(_behind(cut_off, 25.0, rng), 30.0 * _seconds(25.0))
+    runs = tuple(map(smooth, (*(replace(each, manoeuvre=Manoeuvre.ZERO) for each in checks), moving)))
+    told = with_noise_of_band(runs)[-1].shafts
+    assert told.sun.density == pytest.approx(1.0, rel=off)
+    assert told.ring.density == runs[-1].shafts.ring.density
+
+
+def test_noise_behind_a_low_pass_is_refused_where_no_zero_check_shows_it_in_the_band() -> None:
+    rng = np.random.default_rng(13)
+    white, filtered = (smooth(_run(_behind(f, 25.0, rng), 30.0 * _seconds(25.0))) for f in (np.inf, 100.0))
+    assert with_noise_of_band((white,)) == (white,)
+    with pytest.raises(FitError, match=r"torque of the sun: noise falling .* times above 84 Hz"):
+        with_noise_of_band((filtered,))
 
 
 def test_a_rate_that_shows_no_noise_above_the_band_is_refused() -> None:

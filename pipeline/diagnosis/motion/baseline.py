@@ -31,7 +31,7 @@ sheet, or a large cause, bends the rows so much that a whole step leads away."""
 SETTLED = 0.02
 """Step over standard error below which the constants are settled."""
 
-OF_READING = ("zero", "skew")
+OF_READING = ("zero", "skew", "ripple")
 """How the names of those constants begin that belong to the reading: a lag of the torque does not change them."""
 
 STRAIGHT = 10.0

@@ -10,7 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.catalogue import IN_THE_MAIN, TermCatalogue, TermNaming, TermSet
 from pmg.pipeline.diagnosis.balance.fitting import fit_term
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
-from pmg.pipeline.diagnosis.motion.candidates.reading_terms import HELD
+from pmg.pipeline.diagnosis.motion.candidates.late_terms import ANGLES, HELD, SHARP
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 
 if TYPE_CHECKING:
@@ -76,9 +76,15 @@ class MotionCatalogue(TermCatalogue):
     further_entry: ClassVar[float] = FURTHER_ENTRY
 
     def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
-        """All terms but some, best score first; with a delay in the set no lag is tried, and with a lag no delay."""
-        late = LATE if self.one_late and not LATE.isdisjoint(without) else ()
-        return super().rank(problem, {*without, *late})
+        """All terms but some, best score first; with a delay in the set no lag is tried, and with a lag no delay.
+
+        Where both may be, late angles are not among them: with a lag they would make a torque sharper, as none is.
+        """
+        if LATE.isdisjoint(without):
+            return super().rank(problem, without)
+        if self.one_late:
+            return super().rank(problem, {*without, *LATE})
+        return [fit for fit in super().rank(problem, without) if cast("MotionTerm", fit.candidate).variant != ANGLES]
 
     def left_in_the_main(self, count: int) -> float:
         """A part of the gain that the mechanisms share: two together come near much that is neither."""
@@ -131,11 +137,12 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
             rival = rest.plus(other)
             if not other.admissible or (law.between and not blurs and rival.ids not in found):
                 continue
-            as_much = other.gain > (1.0 - LATE_ALIKE) * named.gain
+            apart = FORM_MARGIN if SHARP in (law.variant, fit.candidate.variant) else LATE_ALIKE
+            as_much = other.gain > (1.0 - apart) * named.gain
             near = as_much or rival.score > best.score - MARGIN
             if near and (rival.ids not in found or rival.score > found[rival.ids].score):
                 found[rival.ids] = rival
-                alike = max(alike, LATE_ALIKE * named.gain * as_much)
+                alike = max(alike, apart * named.gain * as_much)
     by_evidence = sorted(found.values(), key=lambda rival: -rival.score)
     return replace(
         naming, rivals=tuple(by_evidence), evidence_scale=min(naming.evidence_scale, MARGIN / (MARGIN + alike))
@@ -221,10 +228,11 @@ def _opposed(found: MotionEvidence, candidate: Term[Any]) -> bool:
     term = cast("MotionTerm", candidate)
     if not (term.comes_late and term.whole):
         return False
-    (skew,) = (found.baseline.sheet.at(name) for name in term.mimicked_by)
-    (row,) = np.flatnonzero(found.of_sheet)[found.baseline.sheet.known == skew]
+    skews = [found.baseline.sheet.at(name) for name in term.mimicked_by]
+    rows = np.flatnonzero(found.of_sheet)[np.isin(found.baseline.sheet.known, skews)]
     before = found.problem.left
-    return bool(before[row] > -OPPOSED and (before - fit_term(found.problem, term).seen)[row] > OPPOSED)
+    after = before - fit_term(found.problem, term).seen
+    return bool(np.any((before[rows] > -OPPOSED) & (after[rows] > OPPOSED)))
 
 
 def columns_beside(found: MotionEvidence, fits: tuple[TermFit, ...]) -> Array:
@@ -235,7 +243,7 @@ def columns_beside(found: MotionEvidence, fits: tuple[TermFit, ...]) -> Array:
         if term.comes_late and term.whole and term.hears:
             slope = found.problem.slopes(fit)[:, -1]
             for at in map(found.baseline.sheet.at, term.mimicked_by):
-                columns[~found.of_sheet, at] = slope[~found.of_sheet]
+                columns[~found.of_sheet, at] = np.where(columns[:, at], slope, 0.0)[~found.of_sheet]
     return columns
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from pmg.pipeline.diagnosis.motion.families import SWINGING, spans_by_kind, structures, swinging
 from pmg.pipeline.diagnosis.motion.noise.hum import hums_of
@@ -15,6 +16,8 @@ from pmg.pipeline.fit.span import taken_out
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import numpy.typing as npt
 
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
@@ -168,3 +171,27 @@ def scatter_beyond(left: Array, looked: Array) -> float:
     """Standard deviation of rows (m,) about all that columns (m, k) span."""
     rest, spanned = taken_out(looked, left)
     return float(np.sqrt(rest @ rest / max(len(left) - spanned, 1)))
+
+
+def looked_for(
+    parts: list[Compressed], stacked: Callable[[list[Array | None], int], Array]
+) -> tuple[dict[Family, Array], dict[str, Array]]:
+    """Columns of every family that is looked for, and of what a mass on a spring adds, by shaft."""
+    looked: dict[Family, Array] = {}
+    swinging: dict[str, Array] = {}
+    for family in dict.fromkeys(family for part in parts for family in part.structures):
+        of_part = [part.structures.get(family) for part in parts]
+        alone = _run_by_run(of_part) if family.by_run else of_part
+        whole = stacked(alone, next(b.shape[1] for b in alone if b is not None))
+        if family.follows == SWINGING:
+            swinging[family.side] = whole + swinging.get(family.side, 0.0)
+        else:
+            looked[family] = whole
+    return looked, swinging
+
+
+def _run_by_run(of_part: list[Array | None]) -> list[Array | None]:
+    """Columns of each stretch that no other one shares."""
+    whole = block_diag(*(np.zeros((0, 0)) if columns is None else columns for columns in of_part))
+    rows = np.cumsum([0 if columns is None else len(columns) for columns in of_part])[:-1]
+    return [None if columns is None else own for columns, own in zip(of_part, np.split(whole, rows), strict=True)]

@@ -8,12 +8,18 @@ from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermProblem
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
-from pmg.pipeline.diagnosis.motion.compressed import Compressed, Family, compressed, scatter_beyond, shapes_of
+from pmg.pipeline.diagnosis.motion.compressed import (
+    Compressed,
+    Family,
+    compressed,
+    looked_for,
+    scatter_beyond,
+    shapes_of,
+)
 from pmg.pipeline.diagnosis.motion.constants import (
     MAP_WAVES,
     RIPPLE,
@@ -24,7 +30,6 @@ from pmg.pipeline.diagnosis.motion.constants import (
     passage_names,
     ripple_names,
 )
-from pmg.pipeline.diagnosis.motion.families import SWINGING
 from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise, wander_at_knots
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.fit.span import freed
@@ -169,10 +174,11 @@ def motion_evidence(
         return np.vstack([*blocks, np.zeros((len(known), width))])
 
     tried = partial(_tried, parts, stacked)
-    looked, swinging = _looked_for(parts, stacked)
+    looked, swinging = looked_for(parts, stacked)
     searched = (block < turning) | (block == len(parts))
     left = np.concatenate([*(part.left for part in parts), off])[searched]
-    excluded = _of_transducers(columns[:, :0], tried, terms)
+    stretches = (*baseline.stretches, *held.stretches)
+    excluded = _of_transducers(tried, terms, np.array([*(stretch.side for stretch in stretches), ""])[block])
     scatter = max(scatter_beyond(left, np.hstack([columns, *looked.values(), excluded])[searched]), 1.0)
     rough = (math.sqrt(max(part.unexplained, 1.0)) if k >= turning else 1.0 for k, part in enumerate(parts))
     unit = 1.0 / np.array([*(scatter * each for each in rough), 1.0])[block]
@@ -194,13 +200,13 @@ def motion_evidence(
     free = freed(np.hstack([columns, given]), y)
     problem = TermProblem(*free, _remembered(worked_out, tables), tables, ABSORBED_BY_SHEET)
     draws = np.vstack([_null(parts, tuple(noise), rng), rng.standard_normal((len(known), DRAWS))])
-    rows, excluded = (np.ones(len(y), np.bool_),), unit[:, None] * excluded
-    evidence = Evidence(problem.left, problem.baseline, list(looked.values()), rows, draws, excluded=excluded)
+    all_rows, own = (np.ones(len(y), np.bool_),), unit[:, None] * excluded
+    evidence = Evidence(problem.left, problem.baseline, list(looked.values()), all_rows, draws, excluded=own)
     return MotionEvidence(
         evidence=evidence,
         problem=problem,
         families=tuple(looked),
-        stretches=(*baseline.stretches, *held.stretches),
+        stretches=stretches,
         block=block,
         baseline=baseline,
         columns=columns,
@@ -224,9 +230,13 @@ def _off_sheet(sheet: DataSheet, rows: int) -> dict[Family, Array]:
     return {Family("both", OFF_SHEET, n): spreads[n] * sheet.columns_of(of, rows) for n, of in OF_SHEET.items()}
 
 
-def _of_transducers(none: Array, tried: Callable[[MotionTerm], Array], terms: tuple[MotionTerm, ...]) -> Array:
-    """The columns (m, k) of faults of transducers: of gains, of lags and delays, which hold the noise of a torque."""
-    return np.hstack([none, *(tried(term) for term in terms if term.hears is not None or term.comes_late)])
+def _of_transducers(
+    tried: Callable[[MotionTerm], Array], terms: tuple[MotionTerm, ...], side: npt.NDArray[Any]
+) -> Array:
+    """The columns (m, k) of faults of one transducer: gains, lags and delays, which hold the noise of a torque."""
+    faults = (term for term in terms if term.hears is not None or term.comes_late)
+    own = {(term.identifier, term.variant, at): (term, side == at) for term in faults for at in term.sides}
+    return np.hstack([np.zeros((len(side), 0)), *(tried(term) * rows[:, None] for term, rows in own.values())])
 
 
 def _tabled(
@@ -240,30 +250,6 @@ def _tabled(
         if whole.any():
             tables[term.key] = Tabled(term, shapes, (unit[:, None] * whole).reshape(len(whole), len(shapes), a))
     return tables
-
-
-def _looked_for(
-    parts: list[Compressed], stacked: Callable[[list[Array | None], int], Array]
-) -> tuple[dict[Family, Array], dict[str, Array]]:
-    """Columns of every family that is looked for, and of what a mass on a spring adds, by shaft."""
-    looked: dict[Family, Array] = {}
-    swinging: dict[str, Array] = {}
-    for family in dict.fromkeys(family for part in parts for family in part.structures):
-        of_part = [part.structures.get(family) for part in parts]
-        alone = _run_by_run(of_part) if family.by_run else of_part
-        whole = stacked(alone, next(b.shape[1] for b in alone if b is not None))
-        if family.follows == SWINGING:
-            swinging[family.side] = whole + swinging.get(family.side, 0.0)
-        else:
-            looked[family] = whole
-    return looked, swinging
-
-
-def _run_by_run(of_part: list[Array | None]) -> list[Array | None]:
-    """Columns of each stretch that no other one shares."""
-    whole = block_diag(*(np.zeros((0, 0)) if columns is None else columns for columns in of_part))
-    rows = np.cumsum([0 if columns is None else len(columns) for columns in of_part])[:-1]
-    return [None if columns is None else own for columns, own in zip(of_part, np.split(whole, rows), strict=True)]
 
 
 def _null(parts: list[Compressed], noise: tuple[RowNoise, ...], rng: np.random.Generator) -> Array:

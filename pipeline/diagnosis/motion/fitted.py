@@ -13,6 +13,7 @@ from pmg.pipeline.diagnosis.motion.candidates.terms import torque_of_terms
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.families import slow_structures, zeros_in_time
 from pmg.pipeline.diagnosis.motion.noise.aligned_turns import turn_origins
+from pmg.pipeline.diagnosis.motion.noise.filtered_torque import with_noise_of_band
 from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise
 from pmg.pipeline.diagnosis.motion.noise.shown import slow_noise_of
 from pmg.pipeline.diagnosis.motion.noise.steps_anew import COUNTED, off_by_steps, widened
@@ -20,12 +21,13 @@ from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instrumen
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.motion.lag import Lag
+from pmg.pipeline.motion.senses import check_senses
 from pmg.pipeline.motion.smooth import smooth
 from pmg.sim.errors import FitError
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
@@ -137,12 +139,13 @@ def _start(
     if len(gears) != 1:
         came = ", ".join(f"gear {gear}" for gear in sorted(gears)) or "no run"
         raise FitError("diagnosis in motion", came, "runs of one gear", "Diagnose each gear by itself.")
-    smoothed = tuple(smooth(run) for run in runs)
+    smoothed = with_noise_of_band(tuple(smooth(run) for run in runs))
     sheet = sheet_of(bench, gears.pop(), tuple(run.name for run in runs if run.coupled)).with_known(known)
     stretches = stretches_of(smoothed)
     if all(stretch.at_rest for stretch in stretches):
         came, expected = "no shaft that turns", f"more than {STANDSTILL:g} rad/s for {STANDING:g} s somewhere"
         raise FitError("diagnosis in motion", came, expected, "Diagnose runs that move.")
+    check_senses(smoothed)
     return start_baseline(sheet, stretches)
 
 
@@ -173,7 +176,7 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
             found = with_faults(found, torque(found.clean, which=lambda term: term.of_transducer))
         noisy, clean = MotionBaseline(found.sheet, found.values, found.stretches), found.clean
         if found.lags:
-            shown, meant = (torque(signals, which=lambda term: term.lag_order > 0) for signals in (noisy, clean))
+            shown, meant = (torque(signals, which=lambda term: term.is_lag) for signals in (noisy, clean))
             found = replace(found, of_noise=tuple(map(np.subtract, shown, meant)))
         if any(_term(fit).hears for fit in fits):
             heard = torque(noisy, which=lambda term: term.hears is not None)
@@ -219,13 +222,19 @@ def _apart(start: MotionBaseline, fits: tuple[TermFit, ...]) -> MotionBaseline:
     together with a longer lag it would fit better than the true lag alone.
     """
     values = start.values.copy()
-    lags = tuple(Lag(_term(f).place, f.shape, _term(f).lag_order) for f in fits if _term(f).lag_order)
-    late = tuple(f"skew_{_term(f).place}" for f in fits if _term(f).comes_late and _term(f).whole)
+    lags = tuple(lag for fit in fits for lag in _lags(fit))
+    late = tuple(name for f in fits if _term(f).comes_late and _term(f).whole for name in _term(f).mimicked_by)
     for fit in fits:
         if _term(fit).hears or _term(fit).comes_late:
-            at = start.sheet.at(f"skew_{_term(fit).place}")
-            values[at] = start.sheet.expected[at]
+            for at in (start.sheet.at(f"skew_{side}") for side in _term(fit).sides):
+                values[at] = start.sheet.expected[at]
     return replace(start, sheet=_held(start.sheet, late), values=values, lags=lags)
+
+
+def _lags(fit: TermFit) -> Iterator[Lag]:
+    """The transducers that lag, if it is of them."""
+    if _term(fit).is_lag:
+        yield from (Lag(side, fit.shape, _term(fit).sharpness) for side in _term(fit).sides)
 
 
 class _Heard:
@@ -246,7 +255,7 @@ class _Heard:
         own: Spectrum | float = 0.0
         other: Spectrum | float = 0.0
         for term, amount, shape in self.parts:
-            if term.hears is not None and term.place == side:
+            if term.hears is not None and side in term.sides:
                 mine, theirs = term.hears(rate, shape)
                 own, other = own + amount * mine, other + amount * theirs
         return own, other

@@ -74,8 +74,8 @@ def name_causes(
     The constants alone take up a part of a large cause, and rows that are straight about those constants show the rest
     as something else: a long delay as a lag, because a skew took up the first of it. The rows are therefore made
     anew beside the leading causes, until the same causes lead. If that does not settle, or new leaders do not explain
-    the difference that earlier ones explained, those with the smallest residual are given, of those that explain it if
-    any do. A leader stays if only its time moves.
+    the difference that earlier ones explained, those with the smallest residual are given; of those that explain it,
+    if any do, the fewest together. A leader stays if only its time moves.
     Before, a lag and a delay together come nearer to a long one than either.
     """
     steps.begin(SEARCH_STEPS[0])
@@ -98,8 +98,10 @@ def name_causes(
             break
     if naming.best.fits and not (settled or (naming.explained and _same(best.fits, naming.best.fits))):
         explaining = [each for each in led if each[1][2].explained]
+        fewest = min((len(each[1][2].best.fits) for each in explaining), default=0)
         if explaining or not naming.explained:
-            _, (found, meant, naming) = min(explaining or led, key=lambda each: each[0])
+            least = [each for each in explaining if len(each[1][2].best.fits) == fewest] or led
+            _, (found, meant, naming) = min(least, key=lambda each: each[0])
     found, meant, naming = _against_other_lateness((found, meant, naming), before, noise, rng)
     naming = with_free_laws(naming, meant.problem, MotionCatalogue(), adequacy_test(meant.evidence))
     naming = with_late_look_alikes(without_held(with_look_alikes(naming, meant.problem)), meant.problem)

@@ -12,13 +12,8 @@ from pmg.pipeline.diagnosis.motion.candidates.gear_terms import (
     loss_terms,
     spring_terms,
 )
-from pmg.pipeline.diagnosis.motion.candidates.reading_terms import (
-    delay_terms,
-    drift_terms,
-    lag_terms,
-    scale_terms,
-    zero_terms,
-)
+from pmg.pipeline.diagnosis.motion.candidates.late_terms import common_terms, delay_terms, lag_terms
+from pmg.pipeline.diagnosis.motion.candidates.reading_terms import drift_terms, scale_terms, zero_terms
 from pmg.pipeline.diagnosis.motion.candidates.shaft_terms import (
     bearing_terms,
     reversal_terms,
@@ -50,4 +45,4 @@ def library() -> tuple[MotionTerm, ...]:
         drift_terms,
     )
     on_shafts = (term for side in SIDES for terms in of_shaft for term in terms(side))
-    return (*on_shafts, *hysteresis_terms(), *spring_terms(), *loss_terms(), *cogging_terms())
+    return (*on_shafts, *common_terms(), *hysteresis_terms(), *spring_terms(), *loss_terms(), *cogging_terms())

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from pmg.pipeline.diagnosis.balance.library.term import Quantity
-from pmg.pipeline.diagnosis.motion.candidates.terms import amount, signed, stack, term
-from pmg.pipeline.motion.lag import Lag
-from pmg.pipeline.motion.smooth import derivative
+from pmg.pipeline.diagnosis.motion.candidates.terms import signed, stack, term
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
 
@@ -22,22 +18,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array
 
-
-HELD = "held"
-"""Form of a delay: a torque that is renewed, or averaged, now and then."""
-
-HELD_AT_MOST = 20e-3
-"""Longest delay of a torque that is held [s]. From 12 ms on, the series of its law is off by a tenth and more at 20 Hz;
-from 18 ms on, its steps reach into the band of the rows."""
-
-SHORT_LAG = 0.02
-"""Longest lag that is made of the torque as shown [s]: of a longer one the noise would be most."""
-
-SHORTER_LAG = 8e-3
-"""The same of the second order [s]: a longer one passes for a delay, of 12 ms to three parts in a hundred at 16 ms."""
-
-WHOLE = (Quantity("part", "1", (1.0, 1.0)),)
-"""Amplitude of what comes late as a whole."""
 
 MOVES_IN = 10.0
 """Time in which a zero that moves at one time does so [s]."""
@@ -51,35 +31,6 @@ def _drifting(course: Array) -> Array:
 def _bent(torque: Array) -> Array:
     """A torque, and what bends a line through zero: alike to both sides, and to one more than to the other (n, 3)."""
     return stack(torque, torque * np.abs(torque), torque**2)
-
-
-def _later(view: RotorView, delay: float) -> Array:
-    """A torque less itself that much later, by its values and slopes."""
-    shaft = view.shaft
-    return shaft.torque - _at(view, delay, shaft.torque, shaft.torque_rate)
-
-
-def _at(view: RotorView, delay: float, values: Array, slopes: Array) -> Array:
-    """Fine samples (n,) of what is later by a delay [s], cubic between samples; the last ones stay."""
-    time = view.state.stretch.run.time
-    return np.asarray(CubicHermiteSpline(time, values, slopes)(np.minimum(time + delay, time[-1])))
-
-
-def _unheld(view: RotorView, delay: float) -> Array:
-    """A torque less what it was before it was held, or averaged, over twice that time."""
-    shaft, part = view.shaft, delay**2 / 6.0
-    slope = derivative(shaft.torque_curvature, view.state.stretch.run.fine_rate)
-    sharper = shaft.torque - part * shaft.torque_curvature
-    return shaft.torque - _at(view, delay, sharper, shaft.torque_rate - part * slope)
-
-
-def _lagging(view: RotorView, time: float, order: int) -> Array:
-    """What lags add to the torque of the model (n, 1).
-
-    Made of the torque as shown, a lag that is long in the band of the rows would multiply its noise.
-    """
-    torque = stack(view.state.coupling_torque)
-    return Lag(view.side, time, order).of(torque, view.state.stretch.run.fine_rate) - torque
 
 
 def scale_terms(side: str) -> Iterator[MotionTerm]:
@@ -117,88 +68,6 @@ def scale_terms(side: str) -> Iterator[MotionTerm]:
                 shaft=side,
                 variant=variant,
             )
-
-
-def lag_terms(side: str) -> Iterator[MotionTerm]:
-    """A transducer that follows its torque slowly."""
-    transducer = Component(f"{side}_torque_transducer")
-    yield term(
-        "transducer_bandwidth",
-        "First-order lag of the transducer",
-        "-tau dT/dt",
-        amount("lag", "s", SHORT_LAG),
-        lambda v, _: stack(-v.shaft.torque_rate - v.skew * v.shaft.torque_curvature),
-        hears=lambda rate, _: (-rate, 0.0),
-        mimicked_by=(f"skew_{side}",),
-        source=sources.BALANCE,
-        component=transducer,
-        shaft=side,
-    )
-
-    yield term(
-        "transducer_bandwidth",
-        "Second-order lag of the transducer, short",
-        "-tau dT/dt - tau2/4 d2T/dt2",
-        WHOLE,
-        lambda v, lag: stack(-lag * v.shaft.torque_rate - lag * (v.skew + 0.25 * lag) * v.shaft.torque_curvature),
-        hears=lambda rate, lag: (-rate * lag - 0.25 * (rate * lag) ** 2, 0.0),
-        mimicked_by=(f"skew_{side}",),
-        source=sources.BALANCE,
-        shape=Quantity("lag", "s", (1e-3, SHORTER_LAG)),
-        between=True,
-        component=transducer,
-        shaft=side,
-        variant="second order, short",
-    )
-
-    for order, name, equation in ((1, "first", "T/(1 + tau s) - T"), (2, "second", "T/(1 + tau s/2)^2 - T")):
-        yield term(
-            "transducer_bandwidth",
-            f"{name.capitalize()}-order lag of the transducer, of any size",
-            equation,
-            WHOLE,
-            partial(_lagging, order=order),
-            lag_order=order,
-            mimicked_by=(f"skew_{side}",),
-            source=sources.BALANCE,
-            shape=Quantity("lag", "s", (1e-3, 0.1)),
-            component=transducer,
-            shaft=side,
-            variant=f"{name} order",
-        )
-
-
-def delay_terms(side: str) -> Iterator[MotionTerm]:
-    """A transducer that shows its torque some time after it was."""
-    transducer = Component(f"{side}_torque_transducer")
-    yield term(
-        "channel_delay",
-        "Delay between the channels of torque and angle",
-        "T(t) - T(t + d)",
-        WHOLE,
-        lambda v, delay: stack(_later(v, delay)),
-        hears=lambda rate, delay: (1.0 - np.exp(rate * delay), 0.0),
-        mimicked_by=(f"skew_{side}",),
-        source=sources.BALANCE,
-        shape=Quantity("delay", "s", (1e-3, 0.05)),
-        component=transducer,
-        shaft=side,
-    )
-
-    yield term(
-        "channel_delay",
-        "Torque channel that is renewed, or averaged, over twice its delay (sample and hold)",
-        "T(t) - (T - d2/6 d2T/dt2)(t + d)",
-        WHOLE,
-        lambda v, delay: stack(_unheld(v, delay)),
-        hears=lambda rate, delay: (1.0 - np.exp(rate * delay) * (1.0 - (rate * delay) ** 2 / 6.0), 0.0),
-        mimicked_by=(f"skew_{side}",),
-        source=sources.BALANCE,
-        shape=Quantity("delay", "s", (1e-3, HELD_AT_MOST)),
-        component=transducer,
-        shaft=side,
-        variant=HELD,
-    )
 
 
 def zero_terms(side: str) -> Iterator[MotionTerm]:

@@ -12,12 +12,16 @@ from pmg.pipeline.diagnosis.balance.library.term import Quantity, Term
 from pmg.pipeline.diagnosis.motion.view import RotorView
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from pmg.sim.signals import Array, Spectrum
     from pmg.sim.sources import Source
+
+BOTH = "both"
+"""Place of what acts on both shafts."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +43,8 @@ class MotionTerm(Term[RotorView]):
     hears : callable, optional
         Of a fault of a transducer: what its column holds of the noise in the own reading and in the other's, by the
         rate of change of a wave (f,) and the shape.
-    lag_order : int
-        Number of equal first-order lags in series, the shape being the time of all; 0 for any other mechanism.
+    sharpness : float
+        Of a lag whose time is the shape; NaN for any other mechanism.
     follows : tuple of LawCovariate
         Quantities along which its law may be another one.
     holds : tuple of str
@@ -70,7 +74,7 @@ class MotionTerm(Term[RotorView]):
     constants: tuple[str, ...] = ()
     mimicked_by: tuple[str, ...] = ()
     hears: Callable[[Spectrum, float], tuple[Spectrum | float, Spectrum | float]] | None = None
-    lag_order: int = 0
+    sharpness: float = math.nan
     follows: tuple[LawCovariate, ...] = ()
     holds: tuple[str, ...] = ()
     between: bool = False
@@ -88,6 +92,11 @@ class MotionTerm(Term[RotorView]):
         return self.shaft
 
     @property
+    def sides(self) -> tuple[str, ...]:
+        """Shafts on which it acts."""
+        return sides_of(self.shaft)
+
+    @property
     def key(self) -> str:
         """Its own among all terms."""
         return "/".join((self.identifier, self.shaft, self.variant))
@@ -103,6 +112,11 @@ class MotionTerm(Term[RotorView]):
         return self.amplitudes[0].name == "cosine"
 
     @property
+    def is_lag(self) -> bool:
+        """Whether it is a lag of any size, of the torque that the model predicts."""
+        return not math.isnan(self.sharpness)
+
+    @property
     def comes_late(self) -> bool:
         """Whether it shows a torque later than it is, as a skew of the baseline does."""
         return self.of_transducer and any(name.startswith("skew") for name in self.mimicked_by)
@@ -113,7 +127,7 @@ class MotionTerm(Term[RotorView]):
             return False
         if view.at_rest and not (self.shown_held if view.held else self.shown_at_rest):
             return False
-        return self.spreads or self.shaft in (view.side, "both")
+        return self.spreads or view.side in self.sides
 
     def columns_on(self, view: RotorView, shape: float) -> Array:
         """Columns (n, a) at the fine samples of a rotor; zero where it does not act."""
@@ -122,6 +136,11 @@ class MotionTerm(Term[RotorView]):
     def rows_on(self, view: RotorView, shape: float) -> Array:
         """The same at the rows of a stretch (r, a)."""
         return view.state.stretch.of_rows(self.columns_on(view, shape))
+
+
+def sides_of(place: str) -> tuple[str, ...]:
+    """The shafts of a place: itself, or those of both."""
+    return SIDES if place == BOTH else (place,)
 
 
 def term(
