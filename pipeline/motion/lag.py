@@ -39,14 +39,14 @@ class Lag:
     sharpness: float
 
     def of(self, torque: Array, rate: float) -> Array:
-        """Torques (n, k) at samples of a rate [1/s] as they are shown: before the first they were as mirrored in it.
+        """Torques (n, k) at samples of a rate [1/s] as they are shown, steady before the first of them.
 
         Exact for waves below half the rate. Straight lines between the samples would lose 2 % of a wave of 20 Hz.
         """
         before = int(np.ceil(FORGOTTEN * self.time * rate)) + 1
         size = next_fast_len(len(torque) + 2 * before, real=True)
         after = size - len(torque) - before
-        whole = np.pad(torque, ((before, after), (0, 0)), mode="reflect", reflect_type="odd")
+        whole = np.pad(torque, ((before, after), (0, 0)), mode="edge")
         slope = (whole[-1] - whole[0]) / (size - 1)
         straight = whole[0] + slope * np.arange(size)[:, None]
         wave = np.asarray(1j * REVOLUTION * rfftfreq(size, 1.0 / rate), dtype=np.complex128)

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 PIECE, CALM_PIECE = 0.25, 1.0
 """Length of the pieces of a record of which the noise of its torque is told, and of one at rest, in the band [s]."""
 
-SLOWEST = 5.0
-"""Frequency below which a torque at rest shows wander [Hz]."""
-
 
 def white_density(torque: Array, rate: float, above: Callable[[Array, float], Mask]) -> float:
     """Spectral density of a torque's noise well above the band [(N m)2/Hz], one-sided.
@@ -39,17 +36,13 @@ def white_density(torque: Array, rate: float, above: Callable[[Array, float], Ma
     return float(np.median(density[above(frequency, rate)])) / unbiased
 
 
-def band_density(torque: Array, rate: float, band: float) -> float:
-    """The same from `SLOWEST` to the end of the band [Hz], where nothing moves and lines are few."""
+def band_density(torque: Array, rate: float, low: float, high: float) -> float:
+    """The same between two frequencies [Hz], of half of the lines there: a few that stand out do not lift it.
+
+    Below the band's end of a shaft at rest, as anything else moves there.
+    """
     frequency, density, unbiased = _by_pieces(torque, rate, CALM_PIECE)
-    return float(np.median(density[(frequency > SLOWEST) & (frequency < band)])) / unbiased
-
-
-def fall_above(torque: Array, rate: float, above: Callable[[Array, float], Mask]) -> float:
-    """Density in the lowest quarter of the frequencies above the band, over that in the highest: of white noise, 1."""
-    frequency, density, _ = _by_pieces(torque, rate, PIECE)
-    low, *_, high = np.array_split(density[above(frequency, rate)], 4)
-    return float(np.median(low) / max(float(np.median(high)), np.finfo(float).tiny)) if len(high) else 1.0
+    return float(np.median(density[(frequency > low) & (frequency < high)])) / unbiased
 
 
 def _by_pieces(torque: Array, rate: float, length: float) -> tuple[Array, Array, float]:

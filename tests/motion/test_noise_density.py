@@ -203,23 +203,44 @@ def _behind(cut_off: float, length: float, rng: np.random.Generator) -> Array:
     return noise if np.isinf(cut_off) else np.asarray(sosfilt(butter(2, cut_off, fs=RATE, output="sos"), noise))
 
 
+def _with_ring(run: MovingRun, noise: Array) -> MovingRun:
+    return replace(run, torque=PerShaft(run.torque.sun, noise))
+
+
 @pytest.mark.parametrize(("cut_off", "off"), [(np.inf, 0.05), (100.0, 0.15), (50.0, 0.15)])
 def test_noise_behind_a_low_pass_is_told_as_dense_as_it_is_in_the_band(cut_off: float, off: float) -> None:
     rng = np.random.default_rng(12)
     checks = [_run(_behind(cut_off, 6.0, rng), np.zeros(6000)) for _ in range(3)]
     moving = _run(_behind(cut_off, 25.0, rng), 30.0 * _seconds(25.0))
-    runs = tuple(map(smooth, (*(replace(each, manoeuvre=Manoeuvre.ZERO) for each in checks), moving)))
+    every = (*(replace(each, manoeuvre=Manoeuvre.ZERO) for each in checks), moving)
+    runs = tuple(smooth(_with_ring(each, _behind(np.inf, len(each.torque.sun) / RATE, rng))) for each in every)
     told = with_noise_of_band(runs)[-1].shafts
     assert told.sun.density == pytest.approx(1.0, rel=off)
     assert told.ring.density == runs[-1].shafts.ring.density
 
 
-def test_noise_behind_a_low_pass_is_refused_where_no_zero_check_shows_it_in_the_band() -> None:
+@pytest.mark.parametrize("length", [1.0, 2.0, 6.0])
+def test_a_short_zero_check_does_not_change_the_density_of_white_noise(length: float) -> None:
+    rng = np.random.default_rng(14)
+    moving = smooth(_run(_behind(np.inf, 5.0, rng), 30.0 * _seconds(5.0)))
+    changed = 0
+    for _ in range(40):
+        check = replace(_run(_behind(np.inf, length, rng), np.zeros(round(length * RATE))), manoeuvre=Manoeuvre.ZERO)
+        told = with_noise_of_band((smooth(_with_ring(check, check.torque.sun[::-1])), moving))[-1]
+        changed += told.shafts.sun.density != moving.shafts.sun.density
+    assert changed <= 1
+
+
+def test_without_zero_checks_noise_is_told_next_above_the_band_and_refused_where_it_falls_there() -> None:
     rng = np.random.default_rng(13)
-    white, filtered = (smooth(_run(_behind(f, 25.0, rng), 30.0 * _seconds(25.0))) for f in (np.inf, 100.0))
-    assert with_noise_of_band((white,)) == (white,)
-    with pytest.raises(FitError, match=r"torque of the sun: noise falling .* times above 84 Hz"):
-        with_noise_of_band((filtered,))
+    white, wide, narrow = (smooth(_run(_behind(f, 25.0, rng), 30.0 * _seconds(25.0))) for f in (np.inf, 200.0, 80.0))
+    (same,) = with_noise_of_band((white,))
+    assert same.shafts.sun.density == white.shafts.sun.density
+    (told,) = with_noise_of_band((wide,))
+    assert told.shafts.sun.density == pytest.approx(0.95, rel=0.1)
+    assert wide.shafts.sun.density < 0.4
+    with pytest.raises(FitError, match=r"torque of the sun: noise .* times as dense at 84 Hz as at 168 Hz"):
+        with_noise_of_band((narrow,))
 
 
 def test_a_rate_that_shows_no_noise_above_the_band_is_refused() -> None:

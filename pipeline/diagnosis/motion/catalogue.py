@@ -10,7 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.catalogue import IN_THE_MAIN, TermCatalogue, TermNaming, TermSet
 from pmg.pipeline.diagnosis.balance.fitting import fit_term
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
-from pmg.pipeline.diagnosis.motion.candidates.late_terms import ANGLES, HELD, SHARP
+from pmg.pipeline.diagnosis.motion.candidates.late_terms import HELD, SHARP
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 
 if TYPE_CHECKING:
@@ -76,15 +76,9 @@ class MotionCatalogue(TermCatalogue):
     further_entry: ClassVar[float] = FURTHER_ENTRY
 
     def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
-        """All terms but some, best score first; with a delay in the set no lag is tried, and with a lag no delay.
-
-        Where both may be, late angles are not among them: with a lag they would make a torque sharper, as none is.
-        """
-        if LATE.isdisjoint(without):
-            return super().rank(problem, without)
-        if self.one_late:
-            return super().rank(problem, {*without, *LATE})
-        return [fit for fit in super().rank(problem, without) if cast("MotionTerm", fit.candidate).variant != ANGLES]
+        """All terms but some, best score first; with a delay in the set no lag is tried, and with a lag no delay."""
+        late = LATE if self.one_late and not LATE.isdisjoint(without) else ()
+        return super().rank(problem, {*without, *late})
 
     def left_in_the_main(self, count: int) -> float:
         """A part of the gain that the mechanisms share: two together come near much that is neither."""
@@ -230,8 +224,8 @@ def _opposed(found: MotionEvidence, candidate: Term[Any]) -> bool:
         return False
     skews = [found.baseline.sheet.at(name) for name in term.mimicked_by]
     rows = np.flatnonzero(found.of_sheet)[np.isin(found.baseline.sheet.known, skews)]
-    before = found.problem.left
-    after = before - fit_term(found.problem, term).seen
+    before = term.sense * found.problem.left
+    after = before - term.sense * fit_term(found.problem, term).seen
     return bool(np.any((before[rows] > -OPPOSED) & (after[rows] > OPPOSED)))
 
 
@@ -243,7 +237,7 @@ def columns_beside(found: MotionEvidence, fits: tuple[TermFit, ...]) -> Array:
         if term.comes_late and term.whole and term.hears:
             slope = found.problem.slopes(fit)[:, -1]
             for at in map(found.baseline.sheet.at, term.mimicked_by):
-                columns[~found.of_sheet, at] = np.where(columns[:, at], slope, 0.0)[~found.of_sheet]
+                columns[~found.of_sheet, at] = np.where(columns[:, at], term.sense * slope, 0.0)[~found.of_sheet]
     return columns
 
 

@@ -178,7 +178,8 @@ def motion_evidence(
     searched = (block < turning) | (block == len(parts))
     left = np.concatenate([*(part.left for part in parts), off])[searched]
     stretches = (*baseline.stretches, *held.stretches)
-    excluded = _of_transducers(tried, terms, np.array([*(stretch.side for stretch in stretches), ""])[block])
+    sides = np.array([*(stretch.side for stretch in stretches), ""])[block]
+    excluded = _of_transducers(tried, terms, sides)
     scatter = max(scatter_beyond(left, np.hstack([columns, *looked.values(), excluded])[searched]), 1.0)
     rough = (math.sqrt(max(part.unexplained, 1.0)) if k >= turning else 1.0 for k, part in enumerate(parts))
     unit = 1.0 / np.array([*(scatter * each for each in rough), 1.0])[block]
@@ -186,7 +187,7 @@ def motion_evidence(
     looked = {family: unit[:, None] * each for family, each in looked.items()}
     swinging = {side: unit[:, None] * each for side, each in swinging.items()}
     looked |= _off_sheet(baseline.sheet, len(y))
-    tables = _tabled(terms, tried, baseline.sheet, unit)
+    tables = _tabled(terms, tried, baseline.sheet, unit, sides)
     views = [*views_of(baseline.clean), *views_of(held)]  # those before hold all that was worked out for the tables
 
     def worked_out(term: MotionTerm, shape: float) -> Array:
@@ -240,14 +241,22 @@ def _of_transducers(
 
 
 def _tabled(
-    terms: tuple[MotionTerm, ...], tried: Callable[[MotionTerm], Array], sheet: DataSheet, unit: Array
+    terms: tuple[MotionTerm, ...],
+    tried: Callable[[MotionTerm], Array],
+    sheet: DataSheet,
+    unit: Array,
+    side: npt.NDArray[Any],
 ) -> dict[str, Tabled]:
-    """Whitened columns of each term that acts, over its shapes, in the `unit` (m,) of the rows."""
+    """Whitened columns of each term that acts, over its shapes, in the `unit` (m,) of the rows of a `side` (m,).
+
+    What both transducers do alike is a term of its own where both shafts show it.
+    """
     tables = {}
     for term in terms:
         shapes, a = shapes_of(term), len(term.amplitudes)
         whole = sheet.columns_of(term.constants, len(unit)) if term.constants else tried(term)
-        if whole.any():
+        shown = [whole[side == at].any() for at in term.sides] if term.comes_late else [whole.any()]
+        if all(shown):
             tables[term.key] = Tabled(term, shapes, (unit[:, None] * whole).reshape(len(whole), len(shapes), a))
     return tables
 

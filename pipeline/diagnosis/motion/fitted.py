@@ -145,7 +145,7 @@ def _start(
     if all(stretch.at_rest for stretch in stretches):
         came, expected = "no shaft that turns", f"more than {STANDSTILL:g} rad/s for {STANDING:g} s somewhere"
         raise FitError("diagnosis in motion", came, expected, "Diagnose runs that move.")
-    check_senses(smoothed)
+    check_senses(smoothed, bench.transducers.map(lambda transducer: float(transducer.nominal_torque)))
     return start_baseline(sheet, stretches)
 
 

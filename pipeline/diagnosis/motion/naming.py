@@ -76,11 +76,13 @@ def name_causes(
     anew beside the leading causes, until the same causes lead. If that does not settle, or new leaders do not explain
     the difference that earlier ones explained, those with the smallest residual are given; of those that explain it,
     if any do, the fewest together. A leader stays if only its time moves.
-    Before, a lag and a delay together come nearer to a long one than either.
+    Before, a lag and a delay together come nearer to a long one than either; but not one that undoes the other.
     """
     steps.begin(SEARCH_STEPS[0])
     meant, about = without_opposed(found), before
     naming, settled = _searched(meant, MotionCatalogue(one_late=False)), False
+    if len({cast("MotionTerm", fit.candidate).sense for fit in naming.best.fits}) > 1:
+        naming = _searched(meant, MotionCatalogue())
     led: list[tuple[float, tuple[MotionEvidence, MotionEvidence, TermNaming]]] = []
     while naming.best.fits and not settled and len(led) < STRAIGHTENED:
         if not led:

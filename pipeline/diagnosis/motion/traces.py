@@ -35,8 +35,8 @@ class TorqueTrace:
     state, state_before : RotorState
         Of its rotor, with what was named, and by the baseline alone.
     before, of_constants, after : (n,) array
-        Predicted by the baseline alone, with the data sheet where that is named to be wrong; by its constants beside
-        what was named; and together with that.
+        Predicted by the baseline alone, with the data sheet where that is named to be wrong or where a constant would
+        take up what is named; by its constants beside what was named; and together with that.
     spread : (n,) array
         Standard deviation of the measured torque, smoothed over `SMOOTHED`.
     row_spread : (n,) array
@@ -133,7 +133,7 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     """
     baseline, fits = final_baseline(diagnosis), named_fits(diagnosis)
     sheet, values = baseline.sheet, diagnosis.before.values.copy()
-    wrong = [sheet.at(name) for fit in fits for name in term_of(fit).constants]
+    wrong = [sheet.at(name) for fit in fits for name in (*term_of(fit).constants, *term_of(fit).mimicked_by)]
     values[wrong] = sheet.expected[wrong]
     before = replace(diagnosis.before, values=values)
     of_constants = [baseline.predicted(place) for place in range(len(baseline.stretches))]

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import erf
 
 from pmg.pipeline.diagnosis.balance.library.term import Quantity
-from pmg.pipeline.diagnosis.motion.candidates.terms import amount, signed, stack, term
+from pmg.pipeline.diagnosis.motion.candidates.terms import BOTH, amount, signed, stack, term
 from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS, MAP_WAVES, map_name
 from pmg.pipeline.diagnosis.motion.view import lagging, stopping, waves_of
 from pmg.sim import sources
@@ -58,7 +58,7 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
             of_pole_angle=True,
             follows=(LawCovariate.LOAD,),
             component=Component.MAGNETIC_GEAR,
-            shaft="both",
+            shaft=BOTH,
         )
 
     yield term(
@@ -76,7 +76,7 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
         of_pole_angle=True,
         follows=(LawCovariate.LOAD,),
         component=Component.MAGNETIC_GEAR,
-        shaft="both",
+        shaft=BOTH,
     )
 
     yield term(
@@ -91,7 +91,7 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
         of_pole_angle=True,
         follows=(LawCovariate.LOAD,),
         component=Component.MAGNETIC_GEAR,
-        shaft="both",
+        shaft=BOTH,
     )
 
 
@@ -124,7 +124,7 @@ def spring_terms() -> Iterator[MotionTerm]:
             of_pole_angle=True,
             follows=(LawCovariate.LOAD,),
             component=Component.MAGNETIC_GEAR,
-            shaft="both",
+            shaft=BOTH,
         )
 
     yield term(
@@ -137,7 +137,7 @@ def spring_terms() -> Iterator[MotionTerm]:
         constants=("pull_out",),
         of_pole_angle=True,
         component=Component.MAGNETIC_GEAR,
-        shaft="both",
+        shaft=BOTH,
     )
 
     yield term(
@@ -151,7 +151,7 @@ def spring_terms() -> Iterator[MotionTerm]:
         mixes=True,
         follows=(LawCovariate.TIME,),
         component=Component.MAGNETIC_GEAR,
-        shaft="both",
+        shaft=BOTH,
     )
 
 
@@ -168,7 +168,7 @@ def loss_terms() -> Iterator[MotionTerm]:
         follows=(LawCovariate.LOAD, LawCovariate.SPEED),
         of_parts=True,
         component=Component.MAGNETIC_GEAR,
-        shaft="both",
+        shaft=BOTH,
     )
 
     yield term(
@@ -186,7 +186,7 @@ def loss_terms() -> Iterator[MotionTerm]:
         follows=(LawCovariate.SPEED,),
         of_parts=True,
         component=Component.MAGNETIC_GEAR,
-        shaft="both",
+        shaft=BOTH,
     )
 
     yield term(
@@ -200,7 +200,7 @@ def loss_terms() -> Iterator[MotionTerm]:
         follows=(LawCovariate.SLIP,),
         shown_held=True,
         component=Component.MAGNETIC_GEAR,
-        shaft="both",
+        shaft=BOTH,
     )
 
     yield term(
@@ -213,7 +213,7 @@ def loss_terms() -> Iterator[MotionTerm]:
         follows=(LawCovariate.DIFFERENCE,),
         shown_held=True,
         component=Component.RELATIVE_BEARING,
-        shaft="both",
+        shaft=BOTH,
     )
 
 

@@ -42,6 +42,13 @@ SHORT_LAG = 0.02
 SHORTER_LAG = 8e-3
 """The same of the second order [s]: a longer one passes for a delay, of 12 ms to three parts in a hundred at 16 ms."""
 
+TITLES = {
+    (False, 1.0): "Delay between the channels of torque and angle",
+    (True, 1.0): "Delay of both torques behind their angles",
+    (True, -1.0): "Delay of both angles behind their torques",
+}
+"""Of delays, by whether both shafts have them, and by their sense."""
+
 LAGS = (
     ("First-order lag", "first order", "T/(1 + tau s) - T", FIRST_ORDER),
     ("Second-order lag", "second order", "T/(1 + tau s/2)^2 - T", EQUAL_LAGS),
@@ -167,7 +174,7 @@ def _delay(place: str, sense: float = 1.0) -> MotionTerm:
     late = sense > 0.0
     return term(
         "channel_delay",
-        "Delay between the channels of torque and angle" if late else "Delay of the angles behind the torques",
+        TITLES[place == BOTH, sense],
         f"T(t) - T(t {'+' if late else '-'} d)",
         WHOLE,
         lambda v, delay: stack(_later(v, sense * delay)),
@@ -178,6 +185,7 @@ def _delay(place: str, sense: float = 1.0) -> MotionTerm:
         component=_transducer(place),
         shaft=place,
         variant="" if late else ANGLES,
+        sense=sense,
     )
 
 
@@ -187,7 +195,7 @@ def _skews(place: str) -> tuple[str, ...]:
 
 
 def _transducer(place: str) -> Component:
-    """That of a shaft; for both, the first of them, as with every cause that has both shafts."""
+    """That of a shaft; for both, the first of them, which a report marks together with the other one."""
     return Component(f"{sides_of(place)[0]}_torque_transducer")
 
 

@@ -45,6 +45,8 @@ class MotionTerm(Term[RotorView]):
         rate of change of a wave (f,) and the shape.
     sharpness : float
         Of a lag whose time is the shape; NaN for any other mechanism.
+    sense : float
+        -1 where a torque comes before its angle, 1 of any other mechanism.
     follows : tuple of LawCovariate
         Quantities along which its law may be another one.
     holds : tuple of str
@@ -75,6 +77,7 @@ class MotionTerm(Term[RotorView]):
     mimicked_by: tuple[str, ...] = ()
     hears: Callable[[Spectrum, float], tuple[Spectrum | float, Spectrum | float]] | None = None
     sharpness: float = math.nan
+    sense: float = 1.0
     follows: tuple[LawCovariate, ...] = ()
     holds: tuple[str, ...] = ()
     between: bool = False

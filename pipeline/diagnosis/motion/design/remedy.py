@@ -21,9 +21,9 @@ REMEDIES = {
     "lubricant_viscosity": "log the temperature of the {shaft} bearings and warm up first",
     "magnet_temperature": "log the temperature of the magnets and warm up first",
     "torque_zero_drift": "take the zero of the {shaft} transducer before and after each run",
-    "torque_gain_error": "calibrate the {shaft} torque transducer",
+    "torque_gain_error": "calibrate the {shaft} torque transducer{s}",
     "torque_crosstalk": "calibrate both torque transducers against each other",
-    "transducer_bandwidth": "check the filter of the {shaft} torque transducer",
+    "transducer_bandwidth": "check the filter of the {shaft} torque transducer{s}",
     "channel_delay": "check the filters and the clock of the {shaft} torque and angle channels",
     "encoder_eccentricity": "check the seat of the {shaft} encoder",
     "shaft_unbalance": "balance the {shaft} shaft",
@@ -58,7 +58,7 @@ def bench_actions(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
     for fit in diagnosis.naming.best.fits:
         shaft = diagnosis.naming.shafts[fit.identifier]
         where = {"either": "sun or ring", "both": "sun and ring"}.get(shaft, shaft)
-        actions.append(REMEDIES.get(fit.identifier, "").format(shaft=where))
+        actions.append(REMEDIES.get(fit.identifier, "").format(shaft=where, s="s" * (shaft == "both")))
     return tuple(dict.fromkeys(filter(None, actions)))
 
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.motion.candidates.terms import BOTH
+
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import Tabled
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
@@ -66,7 +68,7 @@ def unseen(found: MotionEvidence) -> tuple[Unseen, ...]:
     spots = []
     for tabled in found.problem.tables.values():
         term = cast("MotionTerm", tabled.term)
-        if term.identifier in WORTH_KNOWING and not term.variant:
+        if term.identifier in WORTH_KNOWING and not term.variant and term.shaft != BOTH:
             smallest = _smallest(tabled, found)
             if smallest > worth_knowing(term):
                 spots.append(Unseen(term, smallest))

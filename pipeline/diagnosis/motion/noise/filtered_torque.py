@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from pmg.pipeline.motion.smooth import BAND, above_band, bridged
-from pmg.pipeline.motion.torque_noise import band_density, fall_above, white_density
+from pmg.pipeline.motion.torque_noise import band_density, white_density
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.errors import FitError
 from pmg.sim.shafts import per_shaft
@@ -17,13 +17,19 @@ from pmg.sim.shafts import per_shaft
 if TYPE_CHECKING:
     from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft
 
-EVEN = 1.5
-"""Density in the band over that above it, or the other way round, up to which noise passes for white. White noise in
-three zero checks of 6 s shows 0.9 to 1.2."""
+EVEN, SURE = 1.5, 18.0
+"""Density in the band over that above it, or the other way round, up to which noise passes for white, and time of zero
+checks for which that holds [s]: white noise shows 0.9 to 1.2 then, and more the shorter they are."""
 
-FALLS = 6.0
-"""Fall of the density over the frequencies above the band from which on noise is not white: a low-pass of 250 Hz makes
-it fall by as much in a record of 1000 samples a second."""
+SLOWEST = 5.0
+"""Frequency below which a torque at rest shows wander [Hz]."""
+
+NEAR = 3.0 * BAND, 4.5 * BAND, 6.0 * BAND
+"""Ends of two stretches next above the band [Hz], by which noise is told where there is no zero check."""
+
+FALLS = 2.0
+"""Density of the first of them over that of the second from which on that in the band cannot be told from them. A
+low-pass of 100 Hz gives 2.3, one of 150 Hz 1.5."""
 
 
 def with_noise_of_band(runs: tuple[SmoothRun, ...]) -> tuple[SmoothRun, ...]:
@@ -37,7 +43,7 @@ def with_noise_of_band(runs: tuple[SmoothRun, ...]) -> tuple[SmoothRun, ...]:
     Raises
     ------
     FitError
-        The noise of a torque falls above the band, and no zero check shows what it is in the band.
+        The noise of a torque falls next above the band, and no zero check shows what it is in the band.
     """
     denser = per_shaft(lambda side: _denser(runs, side))
 
@@ -49,16 +55,28 @@ def with_noise_of_band(runs: tuple[SmoothRun, ...]) -> tuple[SmoothRun, ...]:
 
 def _denser(runs: tuple[SmoothRun, ...], side: str) -> float:
     """Density of the noise of a torque in the band over that above it; 1 where it passes for white."""
-    checks = [run.run for run in runs if run.run.manoeuvre is Manoeuvre.ZERO and len(run)]
-    if not checks:
-        falls = [fall_above(bridged(run.run.torque[side]), run.run.rate, above_band) for run in runs]
-        if (fall := float(np.median(falls))) > FALLS:
-            came = f"noise falling {fall:.0f} times above {3.0 * BAND:.0f} Hz, as behind a low-pass, and no zero check"
-            expected = "a zero check, which shows the noise of the torque where the runs move"
-            raise FitError(f"torque of the {side}", came, expected, "Record one with both drives off, 6 s or longer.")
-        return 1.0
-    torques = [(bridged(run.torque[side]), run.rate) for run in checks]
-    in_band = sum(band_density(torque, rate, BAND) for torque, rate in torques)
-    above = sum(white_density(torque, rate, above_band) for torque, rate in torques)
+    torques = [(run.run.manoeuvre is Manoeuvre.ZERO, bridged(run.run.torque[side]), run.run.rate) for run in runs]
+    checks = [(torque, rate) for check, torque, rate in torques if check]
+    seconds = sum(len(torque) / rate for torque, rate in checks)
+    above = sum(len(torque) * white_density(torque, rate, above_band) for torque, rate in checks)
+    if above > 0.0:
+        in_band = sum(len(torque) * band_density(torque, rate, SLOWEST, BAND) for torque, rate in checks)
+        even = EVEN ** max(1.0, math.sqrt(SURE / seconds))
+    else:
+        long = [(torque, rate) for _, torque, rate in torques if 0.4 * rate > NEAR[-1]]
+        above = sum(len(torque) * white_density(torque, rate, above_band) for torque, rate in long)
+        first, second = (
+            sum(len(torque) * band_density(torque, rate, low, high) for torque, rate in long)
+            for low, high in itertools.pairwise(NEAR)
+        )
+        if first > FALLS * second > 0.0:
+            raise FitError(
+                f"torque of the {side}",
+                f"noise {first / second:.1f} times as dense at {NEAR[0]:.0f} Hz as at {NEAR[-1]:.0f} Hz, as behind a "
+                "low-pass, and no zero check that shows it",
+                f"a zero check: the noise below {BAND:.0f} Hz, where the runs move, is told by it",
+                "Record one with both drives off, 6 s or longer.",
+            )
+        in_band, even = first, EVEN
     ratio = in_band / above if above > 0.0 else 1.0
-    return 1.0 if 1.0 / EVEN < ratio < EVEN else ratio
+    return 1.0 if 1.0 / even < ratio < even else ratio
