@@ -88,6 +88,18 @@ def test_a_set_holds_one_that_makes_a_torque_late() -> None:
     assert ids == [{"transducer_bandwidth", "channel_delay", "torque_gain_error"}, {"torque_gain_error"}]
 
 
+def test_what_both_transducers_do_alike_leads_a_set_or_is_none_of_it() -> None:
+    rows = np.eye(6)
+    keys = "torque_gain_error/sun/", "channel_delay/both/angles late", "channel_delay/sun/"
+    tables = {key: Tabled(TERMS[key], np.array([0.01]), rows[:, place, None, None]) for place, key in enumerate(keys)}
+    problem = TermProblem(np.zeros((6, 0)), rows[:3].sum(axis=0), lambda t, _: tables[t.key].columns[:, 0], tables)
+    alone, beside = (
+        {fit.candidate.key for fit in MotionCatalogue().rank(problem, taken)} for taken in ((), ("torque_gain_error",))
+    )
+    assert alone == set(keys)
+    assert beside == {"channel_delay/sun/"}
+
+
 @pytest.mark.parametrize("order", ["first order", "second order"])
 @pytest.mark.parametrize(("form", "plain", "alike"), [("", 0.4, False), ("", 0.15, True), (HELD, 0.4, True)])
 def test_a_short_lag_is_a_rival_of_a_delay_where_a_plain_lag_is_one_and_of_one_that_is_held(

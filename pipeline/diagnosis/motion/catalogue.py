@@ -76,9 +76,14 @@ class MotionCatalogue(TermCatalogue):
     further_entry: ClassVar[float] = FURTHER_ENTRY
 
     def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
-        """All terms but some, best score first; with a delay in the set no lag is tried, and with a lag no delay."""
+        """All terms but some, best score first; with a delay in the set no lag is tried, and with a lag no delay.
+
+        What both transducers do alike leads a set or is none of it: beside a mass on a spring, told as an inertia, late
+        angles of no size took up the rest in three of three campaigns.
+        """
         late = LATE if self.one_late and not LATE.isdisjoint(without) else ()
-        return super().rank(problem, {*without, *late})
+        ranked = super().rank(problem, {*without, *late})
+        return [fit for fit in ranked if not (without and _of_both_readings(fit))]
 
     def left_in_the_main(self, count: int) -> float:
         """A part of the gain that the mechanisms share: two together come near much that is neither."""
@@ -96,6 +101,12 @@ class MotionCatalogue(TermCatalogue):
     def free_form(self, problem: TermProblem, fit: TermFit) -> Array:
         """Whitened columns (m, k) along which the law of a fit may bend smoothly by what it follows."""
         return bent_columns(problem, fit)
+
+
+def _of_both_readings(fit: TermFit) -> bool:
+    """Whether it is what both transducers do alike."""
+    term = cast("MotionTerm", fit.candidate)
+    return term.comes_late and len(term.sides) > 1
 
 
 def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNaming:
