@@ -81,7 +81,8 @@ def name_causes(
     steps.begin(SEARCH_STEPS[0])
     meant, about = without_opposed(found), before
     naming, settled = _searched(meant, MotionCatalogue(one_late=False)), False
-    if len({cast("MotionTerm", fit.candidate).sense for fit in naming.best.fits}) > 1:
+    late = (term for term in (cast("MotionTerm", fit.candidate) for fit in naming.best.fits) if term.comes_late)
+    if len({term.sense for term in late}) > 1:
         naming = _searched(meant, MotionCatalogue())
     led: list[tuple[float, tuple[MotionEvidence, MotionEvidence, TermNaming]]] = []
     while naming.best.fits and not settled and len(led) < STRAIGHTENED:
