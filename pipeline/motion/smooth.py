@@ -198,13 +198,13 @@ def smooth(run: MovingRun) -> SmoothRun:
             angle=through(angle),
             speed=through(speed),
             acceleration=through(derivative(speed, run.rate)),
-            density=white_density(torque, run.rate, above_band),
-            angle_noise=angle_noise(angle, run.count[side], run.rate, filters, above_band),
+            density=white_density(torque, run.rate, _above),
+            angle_noise=angle_noise(angle, run.count[side], run.rate, filters, _above),
         )
 
     shafts = per_shaft(shaft)
     most = MOST_COMMON * math.sqrt(shafts.sun.angle_noise.density * shafts.ring.angle_noise.density)
-    common = min(max(common_density(run.angle.map(bridged), run.rate, above_band), -most), most)
+    common = min(max(common_density(run.angle.map(bridged), run.rate, _above), -most), most)
     found = SmoothRun(run, time, run.rate / step, shafts, PerShaft(time, time), common)
 
     def measured(side: str) -> Array:
@@ -277,6 +277,6 @@ def bridged(values: Array) -> Array:
     return values if known.all() else np.interp(at, at[known], values[known])
 
 
-def above_band(frequency: Array, rate: float) -> Mask:
+def _above(frequency: Array, rate: float) -> Mask:
     """Frequencies [Hz] at which a record of a rate shows noise and no motion."""
     return np.asarray((frequency > 3.0 * BAND) & (frequency < 0.4 * rate))

@@ -11,7 +11,7 @@ from scipy.signal import butter, fftconvolve, lfilter, sosfilt
 
 from pmg.pipeline.diagnosis.motion.noise.filtered_torque import with_noise_of_band
 from pmg.pipeline.motion.run import MovingRun
-from pmg.pipeline.motion.smooth import above_band, row_weights, smooth
+from pmg.pipeline.motion.smooth import _above, row_weights, smooth
 from pmg.pipeline.motion.torque_noise import white_density
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.errors import FitError
@@ -193,7 +193,7 @@ def test_a_load_that_changes_at_once_is_no_noise_of_the_torque() -> None:
 @pytest.mark.parametrize("rate", [500.0, 1000.0, 2000.0])
 def test_the_noise_of_a_torque_is_told_of_short_records_too(rate: float, length: float) -> None:
     rng = np.random.default_rng(11)
-    told = [white_density(WHITE * rng.standard_normal(round(length * rate)), rate, above_band) for _ in range(200)]
+    told = [white_density(WHITE * rng.standard_normal(round(length * rate)), rate, _above) for _ in range(200)]
     assert np.mean(told) == pytest.approx(2.0 * WHITE**2 / rate, rel=0.04)
 
 

@@ -91,7 +91,6 @@ def _lagging(view: RotorView, time: float, sharpness: float) -> Array:
 
 def lag_terms(side: str) -> Iterator[MotionTerm]:
     """A transducer that follows its torque slowly."""
-    transducer = Component(f"{side}_torque_transducer")
     yield term(
         "transducer_bandwidth",
         "First-order lag of the transducer",
@@ -101,7 +100,7 @@ def lag_terms(side: str) -> Iterator[MotionTerm]:
         hears=lambda rate, _: (-rate, 0.0),
         mimicked_by=_skews(side),
         source=sources.BALANCE,
-        component=transducer,
+        component=_transducer(side),
         shaft=side,
     )
 
@@ -116,7 +115,7 @@ def lag_terms(side: str) -> Iterator[MotionTerm]:
         source=sources.BALANCE,
         shape=Quantity("lag", "s", (1e-3, SHORTER_LAG)),
         between=True,
-        component=transducer,
+        component=_transducer(side),
         shaft=side,
         variant="second order, short",
     )

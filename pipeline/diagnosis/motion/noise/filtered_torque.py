@@ -8,8 +8,8 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.motion.smooth import BAND, above_band, bridged
-from pmg.pipeline.motion.torque_noise import band_density, white_density
+from pmg.pipeline.motion.smooth import BAND, bridged
+from pmg.pipeline.motion.torque_noise import band_density
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.errors import FitError
 from pmg.sim.shafts import per_shaft
@@ -55,18 +55,18 @@ def with_noise_of_band(runs: tuple[SmoothRun, ...]) -> tuple[SmoothRun, ...]:
 
 def _denser(runs: tuple[SmoothRun, ...], side: str) -> float:
     """Density of the noise of a torque in the band over that above it; 1 where it passes for white."""
-    torques = [(run.run.manoeuvre is Manoeuvre.ZERO, bridged(run.run.torque[side]), run.run.rate) for run in runs]
-    checks = [(torque, rate) for check, torque, rate in torques if check]
-    seconds = sum(len(torque) / rate for torque, rate in checks)
-    above = sum(len(torque) * white_density(torque, rate, above_band) for torque, rate in checks)
+    records = [(run, bridged(run.run.torque[side]), run.run.rate) for run in runs]
+    checks = [record for record in records if record[0].run.manoeuvre is Manoeuvre.ZERO]
+    seconds = sum(len(torque) / rate for _, torque, rate in checks)
+    above = sum(len(torque) * run.shafts[side].density for run, torque, _ in checks)
     if above > 0.0:
-        in_band = sum(len(torque) * band_density(torque, rate, SLOWEST, BAND) for torque, rate in checks)
+        in_band = sum(len(torque) * band_density(torque, rate, SLOWEST, BAND) for _, torque, rate in checks)
         even = EVEN ** max(1.0, math.sqrt(SURE / seconds))
     else:
-        long = [(torque, rate) for _, torque, rate in torques if 0.4 * rate > NEAR[-1]]
-        above = sum(len(torque) * white_density(torque, rate, above_band) for torque, rate in long)
+        long = [record for record in records if 0.4 * record[2] > NEAR[-1]]
+        above = sum(len(torque) * run.shafts[side].density for run, torque, _ in long)
         first, second = (
-            sum(len(torque) * band_density(torque, rate, low, high) for torque, rate in long)
+            sum(len(torque) * band_density(torque, rate, low, high) for _, torque, rate in long)
             for low, high in itertools.pairwise(NEAR)
         )
         if first > FALLS * second > 0.0:
