@@ -89,12 +89,15 @@ class AngleNoise:
         What the mean of the steps is off, which neither holds.
     course : NoiseCourse
         How both change in the run.
+    jitter : float
+        Spectral density of what jitter of the times of samples makes [rad2/Hz], one-sided; the others hold it.
     """
 
     density: float
     value_density: float
     quantisation: QuantisationError
     course: NoiseCourse = EVEN
+    jitter: float = 0.0
 
     def density_at(self, time: Array) -> Array:
         """Spectral density as the second derivative shows it at some instants (n,) [rad2/Hz], one-sided."""
@@ -179,7 +182,7 @@ def angle_noise(
     folded = folded_waves(smooth, count, rate, slowly)
     ordered = step_directions(smooth, count, jitter * 0.5 * rate, slowly, folded, curved)[::every]
     time = (began + len(curved) // 2 + every * np.arange(len(curvature))) / rate
-    return AngleNoise(density, of_angle, quantisation, NoiseCourse(time, curvature, value, ordered))
+    return AngleNoise(density, of_angle, quantisation, NoiseCourse(time, curvature, value, ordered), jitter)
 
 
 def _quick_power(values: Array, rate: float) -> Array:

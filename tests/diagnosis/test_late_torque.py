@@ -458,6 +458,7 @@ def test_rows_weighted_before_they_are_whitened_give_the_same_products(n: int, c
         wander[:, :0],
         np.zeros(0),
         wander[:, :0],
+        np.zeros((1, n)),
     )
     one, other = rng.standard_normal((2, n, count))
     np.testing.assert_allclose(noise.adjoint(one).T @ other, one.T @ noise.white(other), atol=1e-9)

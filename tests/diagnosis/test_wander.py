@@ -27,7 +27,7 @@ def _noise(side: str, knots: np.ndarray) -> RowNoise:
     factor = BandedFactor.of(cholesky_banded(np.ones((1, n)), lower=True))
     slow = SlowNoise(PerShaft(WANDER, Wander.of(2.0)))
     none = np.zeros((n, 0))
-    return RowNoise(factor, none, np.zeros(0), 0.0, side, slow, none, knots, np.eye(n))
+    return RowNoise(factor, none, np.zeros(0), 0.0, side, slow, none, knots, np.eye(n), np.zeros((1, n)))
 
 
 @given(st.floats(0.3, 5.0), st.floats(0.5, 200.0), st.integers(0, 30))

@@ -101,7 +101,7 @@ def test_a_model_predicts_runs_that_it_has_not_seen() -> None:
     assert [cause.term.identifier for cause in model.causes] == ["transducer_bandwidth"]
     assert model.causes[0].amplitudes[0] == pytest.approx(LAG, rel=0.03)
     assert not any(name.startswith(OWN) for name in model.constants)
-    cleared, told = apply_motion_model(model, _campaign(42, LAG), bench)
+    cleared, told = apply_motion_model(model, _campaign(43, LAG), bench)
     assert told is not None
     assert told.unseen
     assert "predicts these runs with" in told.sentence

@@ -234,7 +234,8 @@ def _opposed(found: MotionEvidence, candidate: Term[Any]) -> bool:
     if not (term.comes_late and term.whole):
         return False
     skews = [found.baseline.sheet.at(name) for name in term.mimicked_by]
-    rows = np.flatnonzero(found.of_sheet)[np.isin(found.baseline.sheet.known, skews)]
+    known = found.baseline.sheet.known
+    rows = np.flatnonzero(found.of_sheet)[: len(known)][np.isin(known, skews)]
     before = term.sense * found.problem.left
     after = before - term.sense * fit_term(found.problem, term).seen
     return bool(np.any((before[rows] > -OPPOSED) & (after[rows] > OPPOSED)))

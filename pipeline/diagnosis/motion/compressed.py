@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 
 from pmg.pipeline.diagnosis.motion.families import SWINGING, spans_by_kind, structures, swinging
 from pmg.pipeline.diagnosis.motion.noise.hum import hums_of
+from pmg.pipeline.diagnosis.motion.noise.steps_anew import off_by_steps
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.fit.span import taken_out
 from pmg.sim.signals import REVOLUTION
@@ -58,13 +59,16 @@ class Family:
 
 @dataclass(frozen=True)
 class Compressed:
-    """One stretch in the coordinates of its columns: rows, constants, structures, and candidates by key.
+    """One stretch of a run in the coordinates of its columns: rows, constants, structures, and candidates by key.
 
     `row_weights` (n, k) give the coordinates of rows that are not whitened: their products with them; `of_wander`
-    (k, q) are the coordinates of the wander at each of its knots; `unexplained` is the mean square of what no column
-    follows, in noise variances: 1 where the noise is what it was thought to be.
+    (k, q) are the coordinates of the wander at each of its knots; `of_angles` (k, k) is the covariance that noise of
+    the angles is thought to make, `of_steps` (k, d) what steps of the encoders make, counted anew d times;
+    `unexplained` is the mean square of what no column follows, in noise variances: 1 where the noise is what it was
+    thought to be.
     """
 
+    run: str
     y: Array
     left: Array
     constants: Array
@@ -72,6 +76,8 @@ class Compressed:
     candidates: dict[str, Array]
     row_weights: Array
     of_wander: Array
+    of_angles: Array
+    of_steps: Array
     unexplained: float
 
 
@@ -87,9 +93,9 @@ def compressed(baseline: MotionBaseline, noise: list[RowNoise], terms: tuple[Mot
     views = views_of(baseline.clean)
     spans = spans_by_kind(views)
     left = [each.white(baseline.left(place)[:, None])[:, 0] for place, each in enumerate(noise)]
-    hums = hums_of(baseline.stretches, left)
+    hums, steps = hums_of(baseline.stretches, left), off_by_steps(baseline)
     return [
-        _compress(baseline, place, noise[place], view, terms, spans[view.side, view.coupled], hums)
+        _compress(baseline, place, noise[place], view, terms, spans[view.side, view.coupled], hums, steps[place])
         for place, view in enumerate(views)
     ]
 
@@ -102,8 +108,12 @@ def _compress(
     terms: tuple[MotionTerm, ...],
     spans: dict[str, float],
     hums: dict[str, float],
+    steps: Array,
 ) -> Compressed:
-    """A stretch in the coordinates of all that is looked for in it; `hums` are frequencies [Hz] by transducer."""
+    """A stretch in the coordinates of all that is looked for in it.
+
+    `hums` are frequencies [Hz] by transducer, `steps` what the encoders make of its rows (n, d) [N m].
+    """
     stretch = view.state.stretch
     configuration = str(stretch.run.run.configuration)
     looked = {Family(view.side, configuration, name): columns for name, columns in structures(view, spans).items()}
@@ -130,6 +140,7 @@ def _compress(
     for family in (each for each in found if each.follows == SWINGING):
         found[family] = np.hstack([found[family], unsmoothed])
     return Compressed(
+        stretch.run.run.name,
         basis.T @ y,
         basis.T @ left,
         split[0],
@@ -137,6 +148,8 @@ def _compress(
         dict(zip(tried, split[1 + len(looked) :], strict=True)),
         (weights := noise.adjoint(basis)),
         weights.T @ noise.lines,
+        noise.covariance_of_angles(weights),
+        weights.T @ steps,
         float(rest @ rest) / max(len(left) - basis.shape[1], 1),
     )
 

@@ -94,6 +94,26 @@ class SheetConstant:
 
 
 @dataclass(frozen=True)
+class SheetSum:
+    """What is known of a sum of constants, whatever each of them is.
+
+    Parameters
+    ----------
+    name : str
+        What it is, as the names of constants begin.
+    weights : (k,) array
+        Of the constants.
+    expected, spread : float
+        Value and its standard uncertainty; SI.
+    """
+
+    name: str
+    weights: Array
+    expected: float
+    spread: float
+
+
+@dataclass(frozen=True)
 class DataSheet:
     """The constants of the baseline by name, in order, and the poles of the gear.
 
@@ -103,10 +123,13 @@ class DataSheet:
         Those of the bench, then the pole angle at the start of each engaged run.
     poles : PerShaft of int
         Pole pairs of the rotors.
+    sums : tuple of SheetSum
+        What is known of sums of them.
     """
 
     constants: tuple[SheetConstant, ...]
     poles: PerShaft[int]
+    sums: tuple[SheetSum, ...] = ()
 
     def __len__(self) -> int:
         """Count of constants."""
@@ -150,19 +173,28 @@ class DataSheet:
 
     @cached_property
     def rows(self) -> Array:
-        """What it says as whitened rows (s, k): change of each per change of a constant."""
+        """What it says as whitened rows (s, k): change of each per change of a constant; those of sums come last."""
         found = np.zeros((len(self.known), len(self)))
         found[np.arange(len(self.known)), self.known] = 1.0 / self.spread[self.known]
-        return found
+        return np.vstack([found, *(each.weights / each.spread for each in self.sums)])
 
     def columns_of(self, names: tuple[str, ...], rows: int) -> Array:
         """Columns (m, k) of constants that are off: they move what the sheet says of them, the last of `rows` rows."""
-        own = -self.rows[:, [self.at(name) for name in names]]
-        return np.vstack([np.zeros((rows - len(own), len(names))), own])
+        found = np.zeros((rows, len(names)))
+        known = slice(rows - len(self.rows), rows - len(self.sums))
+        found[known] = -self.rows[: len(self.known), [self.at(name) for name in names]]
+        return found
+
+    def columns_of_sums(self, rows: int) -> dict[str, Array]:
+        """Columns (m, j) of sums that are off, by name, in the same way."""
+        whole = np.eye(rows, len(self.sums), len(self.sums) - rows)
+        names = np.array([each.name for each in self.sums])
+        return {str(name): whole[:, names == name] for name in dict.fromkeys(names)}
 
     def off(self, values: Array) -> Array:
         """What it says less values (k,), in its standard uncertainties (s,)."""
-        return np.asarray((self.expected - values)[self.known] / self.spread[self.known])
+        of_sums = [(each.expected - each.weights @ values) / each.spread for each in self.sums]
+        return np.concatenate([(self.expected - values)[self.known] / self.spread[self.known], of_sums])
 
 
 def drag_names(side: str) -> tuple[str, ...]:

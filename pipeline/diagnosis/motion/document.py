@@ -39,6 +39,7 @@ POINTS_TO = {
     "eccentricity": "{side}_encoder",
     "inertia": "{side}_bearings",
     "drag": "{side}_bearings",
+    "falling": "{side}_bearings",
     "compliance": "{side}_coupling",
     "torque rate": "{side}_coupling",
     "skew": "{side}_torque_transducer",

@@ -30,7 +30,8 @@ from pmg.pipeline.diagnosis.motion.constants import (
     passage_names,
     ripple_names,
 )
-from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise, wander_at_knots
+from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise
+from pmg.pipeline.diagnosis.motion.noise.synthetic import synthetic_noise
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.fit.span import freed
 from pmg.pipeline.motion.smooth import BAND
@@ -164,17 +165,18 @@ def motion_evidence(
     turning, held = len(baseline.stretches), baseline.held
     noise = [*noise, *(row_noise(held, place, noise[0].slow_noise) for place in range(len(held.stretches)))]
     parts = [*compressed(baseline, noise[:turning], terms), *compressed(held, noise[turning:], terms)]
-    known, off = baseline.sheet.known, baseline.sheet.off(baseline.values)
+    off = baseline.sheet.off(baseline.values)
     y = np.concatenate([*(part.y for part in parts), off])
     columns = np.vstack([*(part.constants for part in parts), baseline.sheet.rows])
-    block = np.repeat(np.arange(len(parts) + 1, dtype=np.int64), [*(len(part.y) for part in parts), len(known)])
+    block = np.repeat(np.arange(len(parts) + 1, dtype=np.int64), [*(len(part.y) for part in parts), len(off)])
 
     def stacked(of_part: list[Array | None], width: int) -> Array:
         blocks = [np.zeros((len(p.y), width)) if b is None else b for p, b in zip(parts, of_part, strict=True)]
-        return np.vstack([*blocks, np.zeros((len(known), width))])
+        return np.vstack([*blocks, np.zeros((len(off), width))])
 
     tried = partial(_tried, parts, stacked)
     looked, swinging = looked_for(parts, stacked)
+    looked |= _off_sheet(baseline.sheet, len(y))
     searched = (block < turning) | (block == len(parts))
     left = np.concatenate([*(part.left for part in parts), off])[searched]
     stretches = (*baseline.stretches, *held.stretches)
@@ -186,7 +188,6 @@ def motion_evidence(
     y, columns = unit * y, unit[:, None] * columns
     looked = {family: unit[:, None] * each for family, each in looked.items()}
     swinging = {side: unit[:, None] * each for side, each in swinging.items()}
-    looked |= _off_sheet(baseline.sheet, len(y))
     tables = _tabled(terms, tried, baseline.sheet, unit, sides)
     views = [*views_of(baseline.clean), *views_of(held)]  # those before hold all that was worked out for the tables
 
@@ -200,7 +201,7 @@ def motion_evidence(
     given = np.hstack([columns[:, :0], *(worked_out(t, t.granted) for t in terms if t.granted is not None)])
     free = freed(np.hstack([columns, given]), y)
     problem = TermProblem(*free, _remembered(worked_out, tables), tables, ABSORBED_BY_SHEET)
-    draws = np.vstack([_null(parts, tuple(noise), rng), rng.standard_normal((len(known), DRAWS))])
+    draws = np.vstack([synthetic_noise(parts, noise, rng), rng.standard_normal((len(off), DRAWS))])
     all_rows, own = (np.ones(len(y), np.bool_),), unit[:, None] * excluded
     evidence = Evidence(problem.left, problem.baseline, list(looked.values()), all_rows, draws, excluded=own)
     return MotionEvidence(
@@ -226,9 +227,10 @@ def _tried(parts: list[Compressed], stacked: Callable[[list[Array | None], int],
 
 
 def _off_sheet(sheet: DataSheet, rows: int) -> dict[Family, Array]:
-    """What is looked for of constants off their data sheet, per standard uncertainty of it."""
+    """What is looked for of constants and sums of them off their data sheet, per standard uncertainty of it."""
     spreads = {name: sheet.spread[[sheet.at(each) for each in names]] for name, names in OF_SHEET.items()}
-    return {Family("both", OFF_SHEET, n): spreads[n] * sheet.columns_of(of, rows) for n, of in OF_SHEET.items()}
+    found = {name: spreads[name] * sheet.columns_of(of, rows) for name, of in OF_SHEET.items()}
+    return {Family("both", OFF_SHEET, name): each for name, each in (found | sheet.columns_of_sums(rows)).items()}
 
 
 def _of_transducers(
@@ -259,17 +261,6 @@ def _tabled(
         if all(shown):
             tables[term.key] = Tabled(term, shapes, (unit[:, None] * whole).reshape(len(whole), len(shapes), a))
     return tables
-
-
-def _null(parts: list[Compressed], noise: tuple[RowNoise, ...], rng: np.random.Generator) -> Array:
-    """Synthetic noise of the rows (m, draws): of unit size and white within a run, its wander going on to the next."""
-    found = []
-    for part, each, wander in zip(parts, noise, wander_at_knots(noise, rng, DRAWS), strict=True):
-        of_wander = part.of_wander @ each.wander.covariance(each.knots) @ part.of_wander.T
-        squares, vectors = np.linalg.eigh(np.eye(len(part.y)) - of_wander)
-        rest = vectors @ (np.sqrt(np.maximum(squares, 0.0))[:, None] * rng.standard_normal((len(part.y), DRAWS)))
-        found.append(part.of_wander @ wander + rest)
-    return np.vstack(found)
 
 
 def _remembered(

@@ -6,6 +6,7 @@ import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import null_space
 
 from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS, POLE_ORDERS
 from pmg.pipeline.diagnosis.motion.view import waves_of
@@ -43,11 +44,12 @@ def structures(view: RotorView, spans: dict[str, float]) -> dict[str, Array]:
     """Columns (n, k) at the fine samples by what they follow; `spans` is the largest size of each covariate."""
     if view.at_rest:
         return {}
+    of_torque = _curve if view.coupled else _bent  # free torques are straight lines of the acceleration
     time = view.state.stretch.run.time / max(float(view.state.stretch.run.time[-1]), 1e-9)
     found = {
         "speed": _curve(view.speed, spans["speed"]),
-        "acceleration": _curve(_slowed(view.state.acceleration), spans["acceleration"]),
-        "torque": _curve(_slowed(view.shaft.torque), spans["torque"]),
+        "acceleration": _bent(_slowed(view.state.acceleration), spans["acceleration"]),
+        "torque": of_torque(_slowed(view.shaft.torque), spans["torque"]),
         SWINGING: swinging(view),
         "direction": np.stack([view.direction**2, view.direction**2 * view.drag], 1),
         "time in the run": np.stack([time, time**2], 1) * view.drag[:, None],
@@ -152,3 +154,11 @@ def _curve(x: Array, span: float) -> Array:
     return np.asarray(
         np.maximum(1.0 - np.abs(np.clip(x, knots[0], knots[-1])[:, None] - knots) / (knots[1] - knots[0]), 0.0)
     )
+
+
+def _bent(x: Array, span: float) -> Array:
+    """The same without the straight line through zero (n, k - 1).
+
+    An inertia is such a line, and what one over a smoothed acceleration leaves of it is mostly noise of the angle.
+    """
+    return _curve(x, span) @ null_space(np.linspace(-1.0, 1.0, CURVE_KNOTS)[None, :])

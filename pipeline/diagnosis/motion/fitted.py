@@ -12,6 +12,7 @@ from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline,
 from pmg.pipeline.diagnosis.motion.candidates.terms import torque_of_terms
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.families import slow_structures, zeros_in_time
+from pmg.pipeline.diagnosis.motion.loss_curve import falls_of
 from pmg.pipeline.diagnosis.motion.noise.aligned_turns import turn_origins
 from pmg.pipeline.diagnosis.motion.noise.filtered_torque import with_noise_of_band
 from pmg.pipeline.diagnosis.motion.noise.row_noise import between_runs, row_noise
@@ -24,7 +25,7 @@ from pmg.pipeline.motion.lag import Lag
 from pmg.pipeline.motion.senses import check_senses
 from pmg.pipeline.motion.smooth import smooth
 from pmg.sim.errors import FitError
-from pmg.sim.shafts import SIDES
+from pmg.sim.shafts import SIDES, per_shaft
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
+    from pmg.sim.shafts import PerShaft
     from pmg.sim.signals import Array, Spectrum
 
 CLEANINGS = 2
@@ -90,7 +92,20 @@ def _fit_with_noise(
     noise = [row_noise(start, place) for place in range(len(start.stretches))]
     rough, _ = fit_beside(start, noise, ())
     noise = noise_beside(rough, noise)
-    return *fit_beside(rough, noise, ()), noise
+    found, covariance = fit_beside(rough, noise, ())
+    if falls := falls_of(found.sheet, found.values, covariance, _fastest(found.stretches)):
+        found, covariance = fit_beside(replace(found, sheet=replace(found.sheet, sums=falls)), noise, ())
+    return found, covariance, noise
+
+
+def _fastest(stretches: tuple[RotorRows, ...]) -> PerShaft[float]:
+    """Largest speed of each rotor [rad/s]."""
+
+    def of(side: str) -> float:
+        turning = (s.shaft.speed for s in stretches if s.side == side and not s.at_rest)
+        return max((float(np.abs(speed).max()) for speed in turning), default=0.0)
+
+    return per_shaft(of)
 
 
 def _with_wander_and_steps(fitted: MotionBaseline, covariance: Array, noise: list[RowNoise]) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ from pmg.pipeline.diagnosis.motion.constants import (
     FORM_SPEEDS,
     PASSAGES,
     SPEED_UNIT,
+    SheetSum,
     drag_names,
     form_names,
     passage_names,
@@ -20,6 +22,7 @@ from pmg.pipeline.fit.covariance import u_predicted
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
+    from pmg.sim.shafts import PerShaft
     from pmg.sim.signals import Array
 
 
@@ -30,6 +33,16 @@ REST = 0.3
 BETWEEN = (4.5e-4, 1.2e-4, 8e-5, 3e-5, 3e-5)
 """Standard deviation of a curve halfway between two of `FORM_SPEEDS` about the straight line over them [N m]: largest
 where a film of lubricant breaks."""
+
+SLOWEST = 0.75
+"""Speed [rad/s] from which on a loss curve is not expected to fall: below, friction passes through standstill."""
+
+PLAINLY, RISE_FORM = 3.0, 4e-3
+"""Standard uncertainties by which a loss curve must fall for it to count; and the standard deviation [N m] by which one
+may rise more or less than a power of speed."""
+
+RISES_AS = (0.3, 1.0)
+"""Powers of speed between which drag rises: of rolling contacts, seals and viscous films."""
 
 
 def loss_names(side: str) -> tuple[str, ...]:
@@ -83,6 +96,42 @@ def loss_curve(sheet: DataSheet, values: Array, covariance: Array, side: str, sp
     columns, at = np.stack(list(found.values()), 1), [sheet.at(name) for name in found]
     u = np.hypot(u_predicted(columns, covariance[np.ix_(at, at)]), _between(speed))
     return np.asarray(columns @ values[at]), u
+
+
+def falls_of(sheet: DataSheet, values: Array, covariance: Array, fastest: PerShaft[float]) -> tuple[SheetSum, ...]:
+    """What is expected of each loss curve between two speeds from which to which it falls, as fitted.
+
+    Parameters
+    ----------
+    sheet : DataSheet
+        What the constants are.
+    values, covariance : (k,) and (k, k) array
+        The constants as fitted; SI.
+    fastest : PerShaft of float
+        Largest speed of each rotor in the campaign [rad/s].
+
+    Notes
+    -----
+    Drag of bearings, seals and air grows with speed; what falls is a mechanism of its own, a film of lubricant that
+    builds up, and would be hidden in a loss curve of free form. From where a curve rises most it follows by how much it
+    should rise elsewhere: as any between the powers `RISES_AS`, all equally likely.
+    """
+    found = []
+    for side, most in fastest.items():
+        speeds = np.array([speed for speed in (SLOWEST, *FORM_SPEEDS) if speed <= most])
+        if len(speeds) < 2:
+            continue
+        columns, weights = drag_columns(side, speeds), np.zeros((len(speeds), len(sheet)))
+        weights[:, [sheet.at(name) for name in columns]] = np.stack(list(columns.values()), 1)
+        weights = np.diff(weights, axis=0)
+        rises, u = weights @ values, u_predicted(weights, covariance)
+        most_rise = int(np.argmax(rises))
+        powers = np.diff([speeds**power for power in RISES_AS])
+        ends = max(float(rises[most_rise]), 0.0) * powers / powers[:, most_rise, None]
+        expected, spread = ends.mean(axis=0), np.hypot(np.ptp(ends, axis=0) / math.sqrt(12.0), RISE_FORM)
+        falling = zip(weights, expected, spread, rises < -PLAINLY * u, strict=True)
+        found += [SheetSum(f"falling_{side}", row, float(e), float(s)) for row, e, s, falls in falling if falls]
+    return tuple(found)
 
 
 def _between(speed: Array) -> Array:

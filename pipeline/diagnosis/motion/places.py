@@ -10,6 +10,7 @@ from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET, OFF_SHEET
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.constants import SheetSum
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
     from pmg.pipeline.diagnosis.motion.mismatch import MotionPlace
 
@@ -20,6 +21,7 @@ OF_CONSTANTS = {
     "zero": "zero of the {side} transducer",
     "pull_out": "pull-out torque",
     "drag": "loss curve of the {side} rotor",
+    "falling": "loss curve of the {side} rotor between two speeds",
     "ripple": "ripple of a turn of the {side} shaft",
     "eccentricity": "eccentricity of the {side} encoder",
     "map": "torque against pole angle",
@@ -53,11 +55,21 @@ def size_of(diagnosis: MotionDiagnosis, place: MotionPlace) -> float:
     """Size of a place; of a constant, the torque of its distance from the data sheet over the rows it moves [N m]."""
     if place.family.configuration != OFF_SHEET:
         return place.size
-    before, at = diagnosis.before, of_sheet(diagnosis, place)
+    before = diagnosis.before
+    if falls := sums_of(diagnosis, place):
+        return float(max(-each.weights @ before.values for each in falls))
+    at = of_sheet(diagnosis, place)
     off = (before.values - before.sheet.expected)[at]
     columns = np.concatenate([before.clean.columns(i)[:, at] for i in range(len(before.stretches))])
     moved = columns[columns.any(axis=1)] @ off
     return float(np.sqrt(moved @ moved / max(len(moved), 1)))
+
+
+def sums_of(diagnosis: MotionDiagnosis, place: MotionPlace) -> list[SheetSum]:
+    """Sums of constants that are not as they should be, where a place is one of these."""
+    if place.family.configuration != OFF_SHEET:
+        return []
+    return [each for each in diagnosis.before.sheet.sums if each.name == place.family.follows]
 
 
 def of_sheet(diagnosis: MotionDiagnosis, place: MotionPlace) -> list[int]:
@@ -81,6 +93,8 @@ def where_to_look(diagnosis: MotionDiagnosis) -> str:
     if not diagnosis.mismatch.locations:
         return "the bench"
     place = largest_of(diagnosis)
+    if sums_of(diagnosis, place):
+        return f"the {place.family.follows.removeprefix('falling_')} bearings, whose drag falls with speed"
     if place.family.configuration == OFF_SHEET:
         return f"the {follows(place)}, which is not that of the data sheet"
     return f"the {place.family.side} shaft in {place.family.configuration} runs"

@@ -14,7 +14,7 @@ from pmg.pipeline.diagnosis.grid.rivals import nearest_share, why_not_named, why
 from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES
 from pmg.pipeline.diagnosis.motion.design.remedy import advice
 from pmg.pipeline.diagnosis.motion.evidence import OFF_SHEET
-from pmg.pipeline.diagnosis.motion.places import follows, largest_of, of_sheet, size_of
+from pmg.pipeline.diagnosis.motion.places import follows, largest_of, of_sheet, signal_of, size_of, sums_of
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.motion.smooth import BAND
 from pmg.pipeline.wording.cause_sets import SHAFT_WORDS, TOGETHER
@@ -128,6 +128,9 @@ def largest_place(diagnosis: MotionDiagnosis) -> str:
     if not diagnosis.mismatch.locations:
         return ""
     place = largest_of(diagnosis)
+    if sums_of(diagnosis, place):
+        fall = size_of(diagnosis, place) / MILLI
+        return f"the loss curve of the {signal_of(place)} rotor falls with speed (by {fall:.0f} mN m, without a cause)."
     size = f"{size_of(diagnosis, place) / MILLI:.1f} mN m rms"
     if place.family.configuration != OFF_SHEET:
         where = f"the {place.family.side} torque in {place.family.configuration} runs"

@@ -31,8 +31,8 @@ class _Part(NamedTuple):
     weights: Array
 
 
-def filtered_noise(stretch: RotorRows, inertia: float, stiffness: PerShaft[float]) -> Array:
-    r"""Covariance (m, b) of each row of a run with as many later ones, by what the filters leave [(N m)2].
+def filtered_noise(stretch: RotorRows, inertia: float, stiffness: PerShaft[float]) -> tuple[Array, Array]:
+    r"""Covariance (m, b) of each row of a run with b later ones, by what the filters leave of torque and of angles.
 
     Parameters
     ----------
@@ -43,19 +43,27 @@ def filtered_noise(stretch: RotorRows, inertia: float, stiffness: PerShaft[float
     stiffness : PerShaft of float
         Torque on the rotor per angle of either encoder [N m/rad]; zero in neutral.
 
+    Returns
+    -------
+    of_torque, of_angles : (m, b) array
+        [(N m)2].
+
     Notes
     -----
     A row is a sum of samples with weights w, and a source of the one-sided density S(t) adds
     :math:`\tfrac12 f_s \sum_t w_i(t) w_j(t) S(t)`; S changes in steps of a fine sample.
     """
-    run, found = stretch.run, np.zeros((len(stretch.run), 1))
-    for together, one, another in _parts(stretch, inertia, stiffness):
+    run = stretch.run
+
+    def covariance(together: Array | float, one: _Part, another: _Part) -> Array:
         shared = _shared(run, one.weights, another.weights)
         power, reach = together * one.size * another.size, len(shared) // 2
         around = sliding_window_view(np.pad(power, reach, mode="edge"), len(shared))
         around = around[len(run.weights) // 2 :: PER_ROW][: len(run)]
-        found = found + 0.5 * run.run.rate * (around @ shared)
-    return found
+        return np.asarray(0.5 * run.run.rate * (around @ shared))
+
+    of_torque, *of_angles = (covariance(*parts) for parts in _parts(stretch, inertia, stiffness))
+    return of_torque, sum(of_angles, start=np.zeros_like(of_torque))
 
 
 def banded_rows(by_row: Array, rows: Mask) -> Array:

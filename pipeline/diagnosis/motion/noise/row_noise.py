@@ -95,6 +95,8 @@ class RowNoise:
         Instants from which to which its wander goes straight [s since 1970].
     lines : (n, q) array
         What each row shows of the wander at each of them.
+    of_angles : (b, n) array
+        Diagonals of the covariance that noise of the angles makes, without `quantisation` [(N m)2].
     """
 
     factor: BandedFactor
@@ -106,6 +108,7 @@ class RowNoise:
     quantisation: Array
     knots: Array
     lines: Array
+    of_angles: Array
 
     @property
     def wander(self) -> Wander:
@@ -121,6 +124,16 @@ class RowNoise:
         """Columns (n, j) with which rows as they are have the products that whitened rows have with `columns`."""
         freed = columns - self.slow @ (self.shrunk[:, None] * (self.slow.T @ columns))
         return self.factor.adjoint(freed)
+
+    def covariance_of_angles(self, weights: Array) -> Array:
+        """Covariance (k, k) that noise of the angles makes of sums of rows as they are, with `weights` (n, k)."""
+        shown = self.of_angles[0][:, None] * weights
+        for later, diagonal in enumerate(self.of_angles[1 : len(weights)], start=1):
+            along = diagonal[:-later, None]
+            shown[:-later] += along * weights[later:]
+            shown[later:] += along * weights[:-later]
+        steps = self.quantisation.T @ weights
+        return np.asarray(weights.T @ shown + steps.T @ steps)
 
 
 def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUAL) -> RowNoise:
@@ -145,7 +158,8 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
             quantisation.append(spring * sheet.poles[of] * off)
     if not stretch.at_rest:
         quantisation.append(inertia * _ordered_steps(stretch))
-    by_row = filtered_noise(stretch, inertia, sheet.poles.map(lambda poles: spring * poles))
+    of_torque, of_angles = filtered_noise(stretch, inertia, sheet.poles.map(lambda poles: spring * poles))
+    by_row = of_torque + of_angles
     banded = banded_rows(by_row, stretch.rows)
     floor = max(FLOOR * _least_density(np.mean(by_row[stretch.rows], axis=0), run.row_rate), QUIETEST**2)
     banded[0] += floor
@@ -155,7 +169,8 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     white = white[:, np.linalg.norm(white, axis=0) > UNSEEN]
     slow, size, _ = np.linalg.svd(white, full_matrices=False)
     shrunk = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
-    return RowNoise(factor, slow, shrunk, floor, side, slow_noise, np.hstack(quantisation), knots, lines)
+    of_angles = banded_rows(of_angles, stretch.rows)
+    return RowNoise(factor, slow, shrunk, floor, side, slow_noise, np.hstack(quantisation), knots, lines, of_angles)
 
 
 def _least_density(correlation: Array, rate: float) -> float:

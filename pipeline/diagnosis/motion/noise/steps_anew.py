@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import upfirdn
 
+from pmg.pipeline.diagnosis.motion.noise.filtered import LEAST
 from pmg.pipeline.motion.smooth import row_weights
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 
@@ -33,7 +34,7 @@ def off_by_steps(fitted: MotionBaseline) -> list[Array]:
     A shaft that turns by nearly a whole number of counts a sample, and swings by a few, is off by the same function of
     its swing in every period: an error of the amplitude that no density tells. The smooth angle is therefore counted
     anew from places that are drawn, :math:`e = c \lfloor (\theta + \delta)/c \rfloor + c/2 - \delta - \theta`, and
-    the balance of a row makes :math:`J \ddot e + K p \sum p_i e_i` of it.
+    the balance of a row makes :math:`J \ddot e + K p \sum p_i e_i` of it. The times of samples jitter as before.
     """
     rng, found = np.random.default_rng(0), []
     counted: dict[str, PerShaft[tuple[Array, Array]]] = {}
@@ -45,7 +46,8 @@ def off_by_steps(fitted: MotionBaseline) -> list[Array]:
             continue
         name = stretch.run.run.name
         if name not in counted:
-            counted[name] = PerShaft(*(_errors(clean.run, side, rng) for side in SIDES))
+            blurs = _blurs(clean.run, rng)
+            counted[name] = PerShaft(*(_errors(clean.run, side, rng, blurs[side]) for side in SIDES))
         off = inertia[stretch.side] * counted[name][stretch.side][1]
         if stretch.coupled:
             off = off + peak * poles[stretch.side] * sum(poles[side] * counted[name][side][0] for side in SIDES)
@@ -60,8 +62,21 @@ def widened(covariance: Array, moved: Array) -> Array:
     return covariance * np.outer(wider, wider)
 
 
-def _errors(run: SmoothRun, side: str, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Rows (m, d) of what the counts of an angle and of its second derivative are off [rad, rad/s2]."""
+def _blurs(run: SmoothRun, rng: np.random.Generator) -> PerShaft[Array]:
+    """What jitter of the times of samples adds to the angle of either shaft at each of them [rad], (n, d)."""
+    sun, ring = rng.standard_normal((2, len(run.run.angle.sun), COUNTED))
+    densities = run.shafts.map(lambda shaft: shaft.angle_noise.jitter)
+    together = run.common / max(np.sqrt(densities.sun * densities.ring), LEAST)
+    together = float(np.clip(together, -1.0, 1.0))
+    size = densities.map(lambda density: np.sqrt(0.5 * run.run.rate * density))
+    return PerShaft(size.sun * sun, size.ring * (together * sun + np.sqrt(1.0 - together**2) * ring))
+
+
+def _errors(run: SmoothRun, side: str, rng: np.random.Generator, blur: Array | float = 0.0) -> tuple[Array, Array]:
+    """Rows (m, d) of what the counts of an angle and of its second derivative are off [rad, rad/s2].
+
+    `blur` (n, d) is what comes to the angle at each sample [rad].
+    """
     angle, count, rate = run.shafts[side].angle, run.run.count[side], run.run.rate
     line = np.linspace(angle[0], angle[-1], len(angle))
     smooth = CubicSpline(run.time, run.in_band(angle - line) + line)
@@ -69,7 +84,7 @@ def _errors(run: SmoothRun, side: str, rng: np.random.Generator) -> tuple[Array,
     inside = np.clip(time, run.time[0], run.time[-1])
     turned = (smooth(inside) + smooth(inside, 1) * (time - inside))[:, None]
     begun = rng.uniform(0.0, count, COUNTED)
-    off = np.floor((turned + begun) / count) * count + 0.5 * count - begun - turned
+    off = np.floor((turned + blur + begun) / count) * count + 0.5 * count - begun - turned
     every = round(rate / run.row_rate)
 
     def rows(weights: Array) -> Array:
