@@ -14,7 +14,7 @@ from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.diagnosis.motion.constants import FORM_SPEEDS, DataSheet, SheetSum, sheet_of
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
-from pmg.pipeline.diagnosis.motion.loss_curve import PLAINLY, RISE_FORM, falls_of
+from pmg.pipeline.diagnosis.motion.loss_curve import PLAINLY, RISE_FORM, drag_columns, falls_of
 from pmg.pipeline.trials.motion.nature import measure_motion_case
 from pmg.pipeline.trials.score.case_list import draw_motion_lots
 from pmg.sim.bench import load_bench
@@ -28,13 +28,8 @@ U = 1e-3
 
 
 def _fitted(drag: Array, side: str = "ring") -> tuple[SheetSum, ...]:
-    """What is expected where the drag of a rotor at `FORM_SPEEDS` is this beside a rise with the root of speed."""
-    values = SHEET.expected.copy()
-    for each in ("sun", "ring"):
-        values[SHEET.at(f"drag_{each}_0.5")] = 0.1
-    for speed, more in zip(FORM_SPEEDS, drag, strict=True):
-        values[SHEET.at(f"drag_{side}_off_at_{speed:g}")] = more
-    return falls_of(SHEET, values, U**2 * np.eye(len(SHEET)), FASTEST)
+    """Falls of the loss curves with such constants."""
+    return falls_of(SHEET, _values(drag, side), U**2 * np.eye(len(SHEET)), FASTEST)
 
 
 @given(st.lists(st.floats(0.0, 0.02), min_size=6, max_size=6))
@@ -46,34 +41,44 @@ def test_nothing_is_expected_of_a_curve_that_rises(steps: list[float]) -> None:
 def test_a_curve_that_falls_should_rise_as_a_power_of_speed(extra: float, speed: float, side: str) -> None:
     found = _fitted(extra * np.exp(-np.array(FORM_SPEEDS) / speed), side)
     assert {each.name for each in found} == {f"falling_{side}"}
+    drag = _values(extra * np.exp(-np.array(FORM_SPEEDS) / speed), side)
     for each in found:
-        assert each.expected > 0.0
+        low, high = (_drag(drag, side, at) for at in each.between)
+        assert each.fall == pytest.approx(low - high)
+        assert -each.weights @ drag > 0.0, "it should have risen"
         assert each.spread >= RISE_FORM
-        assert each.expected < 4.0 * each.spread, "it may as well hardly rise"
 
 
 def test_a_fall_within_its_uncertainty_does_not_count() -> None:
     level = np.array([0.0, -0.018, -0.018, -0.018, -0.018, -0.018])
     (found,) = _fitted(level)
-    rise = float(found.weights @ _values(level))
-    u = U * float(np.linalg.norm(found.weights))
-    assert rise < -PLAINLY * u
-    assert not _fitted(level * (1.0 - (-rise - 0.9 * PLAINLY * u) / 0.018))
+    columns = drag_columns("ring", np.array(found.between)).values()
+    least = PLAINLY * U * float(np.linalg.norm([np.diff(each) for each in columns]))
+    assert found.fall > least
+    assert not _fitted(level * (1.0 - (found.fall - 0.9 * least) / 0.018))
 
 
-def _values(drag: Array) -> Array:
+def _values(drag: Array, side: str = "ring") -> Array:
+    """Constants with that drag of a rotor at `FORM_SPEEDS` beside a rise with the root of speed."""
     values = SHEET.expected.copy()
-    values[SHEET.at("drag_ring_0.5")] = 0.1
+    for each in ("sun", "ring"):
+        values[SHEET.at(f"drag_{each}_0.5")] = 0.1
     for speed, more in zip(FORM_SPEEDS, drag, strict=True):
-        values[SHEET.at(f"drag_ring_off_at_{speed:g}")] = more
+        values[SHEET.at(f"drag_{side}_off_at_{speed:g}")] = more
     return values
+
+
+def _drag(values: Array, side: str, speed: float) -> float:
+    """Drag of a rotor at a speed [N m]."""
+    return float(sum(column[0] * values[SHEET.at(n)] for n, column in drag_columns(side, np.array([speed])).items()))
 
 
 def test_speeds_that_a_rotor_never_had_say_nothing() -> None:
     values = _values(np.array([0.2, 0.15, 0.1, 0.05, 0.0, 0.0]))
     covariance = U**2 * np.eye(len(SHEET))
-    slow_ring = falls_of(SHEET, values, covariance, PerShaft(190.0, 5.0))
-    assert 0 < len(slow_ring) < len(falls_of(SHEET, values, covariance, FASTEST))
+    (whole, *_), (part,) = (falls_of(SHEET, values, covariance, PerShaft(190.0, most)) for most in (75.0, 5.0))
+    assert (whole.between[0], part.between) == (part.between[0], (FORM_SPEEDS[0], FORM_SPEEDS[1]))
+    assert whole.between[1] > part.between[1]
     assert not falls_of(SHEET, values, covariance, PerShaft(0.0, 0.0))
 
 
@@ -81,7 +86,7 @@ def test_speeds_that_a_rotor_never_had_say_nothing() -> None:
 def test_a_sum_pulls_as_one_more_row_and_is_moved_by_itself_alone(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     sums = tuple(
-        SheetSum(f"falling_{k % 2}", rng.standard_normal(len(SHEET)), rng.random(), 0.1 + rng.random())
+        SheetSum(f"falling_{k % 2}", rng.standard_normal(len(SHEET)), 0.1 + rng.random(), 0.01, (1.0, 2.0))
         for k in range(count)
     )
     sheet = replace(SHEET, sums=sums)
@@ -120,4 +125,5 @@ def test_mixed_lubrication_is_seen_in_the_loss_curve_that_it_makes_fall(
     (cause, *_) = document["mechanisms"]
     assert (cause["id"], cause["shaft"]) == ("stribeck_mixed_lubrication", "ring")
     assert (document["verdict"] == "named") == one
-    assert cause["parameters"]["extra"]["value"] == pytest.approx(true, abs=0.03)
+    (extra,) = (each for each in cause["parameters"] if each["name"] == "extra")
+    assert extra["value"] == pytest.approx(true, abs=0.03)

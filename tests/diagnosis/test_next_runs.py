@@ -90,11 +90,12 @@ def test_rows_are_in_units_of_their_scatter_beside_faults_of_transducers_and_wit
     looked = np.hstack([forward.columns, *(each for family, each in families if family.configuration != OFF_SHEET)])
     searched = (forward.block < len(forward.baseline.stretches)) | forward.of_sheet
     assert forward.evidence.excluded is not None
-    seen = scatter_beyond(forward.y[searched], np.hstack([looked, forward.evidence.excluded])[searched])
+    whole = np.hstack([forward.columns, *forward.evidence.families, forward.evidence.excluded])
+    seen = scatter_beyond(forward.y[searched], whole[searched])
     assert seen == pytest.approx(1.0, abs=0.02) if forward.scatter > 1.0 else seen <= 1.0
     withheld = scatter_beyond(forward.y[searched], np.hstack([looked, forward.granted])[searched])
     assert withheld == pytest.approx(scatter_beside(forward, Explanation((), forward.problem)), rel=0.02)
-    assert withheld > seen
+    assert withheld > scatter_beyond(forward.y[searched], np.hstack([looked, forward.evidence.excluded])[searched])
 
 
 def test_a_run_that_was_not_made_has_the_torque_of_the_constants_and_the_speed_that_is_asked_for(

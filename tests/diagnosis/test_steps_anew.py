@@ -27,7 +27,7 @@ def _amplitude_off(counts_a_sample: float) -> float:
     count = probe.count.sun
     swing = 1.5 * count * 2.0 * np.pi * 7.0 * np.cos(2.0 * np.pi * 7.0 * seconds)
     run = smooth(_run(1, Manoeuvre.DITHER, counts_a_sample * count * RATE + swing, np.random.default_rng(1)))
-    off, _ = _errors(run, "sun", np.random.default_rng(2))
+    off, _ = _errors(run, "sun", np.random.default_rng(2), np.zeros((1, 1)))
     wave = np.exp(-2j * np.pi * 7.0 * run.row_time)
     amplitudes = 2.0 * np.abs(wave @ off) / len(off)
     white = count / np.sqrt(12.0) * np.sqrt(2.0 / (RATE * 8.0)) * np.sqrt(2.0)

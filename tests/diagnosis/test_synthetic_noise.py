@@ -46,7 +46,7 @@ def test_steps_take_the_place_of_the_noise_of_the_angles() -> None:
     expected = np.eye(ROWS) - root @ root.T
     expected[2, 2] += 9.0
     assert np.abs(covariance - expected).max() < 0.3
-    assert np.abs(np.hstack(found).mean(axis=1)).max() < 0.12, "either way round"
+    assert np.abs(np.hstack(found).mean(axis=1)).max() < 0.12
 
 
 def test_both_balances_of_a_run_have_the_same_steps_and_those_of_another_run_their_own() -> None:

@@ -179,7 +179,7 @@ def _locations(document: dict[str, Any]) -> Table:
         "locations",
         "Where it sits",
         "Places, clearest first. Sizes are the part that the fitted constants do not absorb. In rows named data sheet "
-        "a fitted constant is far from it; their size is the torque of that distance.",
+        "a fitted constant is far from it; their size is the torque of that distance, or the fall of a loss curve.",
         (
             Column("signal", "Signal"),
             Column("configuration", "Configuration"),

@@ -61,11 +61,11 @@ class Family:
 class Compressed:
     """One stretch of a run in the coordinates of its columns: rows, constants, structures, and candidates by key.
 
-    `row_weights` (n, k) give the coordinates of rows that are not whitened: their products with them; `of_wander`
-    (k, q) are the coordinates of the wander at each of its knots; `of_angles` (k, k) is the covariance that noise of
-    the angles is thought to make, `of_steps` (k, d) what steps of the encoders make, counted anew d times;
-    `unexplained` is the mean square of what no column follows, in noise variances: 1 where the noise is what it was
-    thought to be.
+    `run` is its file; `row_weights` (n, k) give the coordinates of rows that are not whitened: their products with
+    them; `of_wander` (k, q) are the coordinates of the wander at each of its knots; `of_angles` (k, k) is the
+    covariance that noise of the angles is thought to make, `of_steps` (k, d) what steps of the encoders make, counted
+    anew d times; `unexplained` is the mean square of what no column follows, in noise variances: 1 where the noise is
+    what it was thought to be.
     """
 
     run: str
@@ -93,7 +93,7 @@ def compressed(baseline: MotionBaseline, noise: list[RowNoise], terms: tuple[Mot
     views = views_of(baseline.clean)
     spans = spans_by_kind(views)
     left = [each.white(baseline.left(place)[:, None])[:, 0] for place, each in enumerate(noise)]
-    hums, steps = hums_of(baseline.stretches, left), off_by_steps(baseline)
+    hums, steps = hums_of(baseline.stretches, left), off_by_steps(baseline, jitters=True)
     return [
         _compress(baseline, place, noise[place], view, terms, spans[view.side, view.coupled], hums, steps[place])
         for place, view in enumerate(views)

@@ -95,22 +95,27 @@ class SheetConstant:
 
 @dataclass(frozen=True)
 class SheetSum:
-    """What is known of a sum of constants, whatever each of them is.
+    """A sum of constants that should be zero, whatever each of them is.
 
     Parameters
     ----------
     name : str
-        What it is, as the names of constants begin.
+        What is wrong where it is not, and on which shaft: ``falling_ring``.
     weights : (k,) array
         Of the constants.
-    expected, spread : float
-        Value and its standard uncertainty; SI.
+    spread : float
+        Its standard uncertainty [N m].
+    fall : float
+        By how much a loss curve falls, fitted without it [N m].
+    between : tuple of float
+        From which speed to which [rad/s].
     """
 
     name: str
     weights: Array
-    expected: float
     spread: float
+    fall: float
+    between: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -193,7 +198,7 @@ class DataSheet:
 
     def off(self, values: Array) -> Array:
         """What it says less values (k,), in its standard uncertainties (s,)."""
-        of_sums = [(each.expected - each.weights @ values) / each.spread for each in self.sums]
+        of_sums = [-each.weights @ values / each.spread for each in self.sums]
         return np.concatenate([(self.expected - values)[self.known] / self.spread[self.known], of_sums])
 
 

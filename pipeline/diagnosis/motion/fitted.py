@@ -87,22 +87,29 @@ def fit_constants(
 def _fit_with_noise(
     runs: tuple[MovingRun, ...], bench: BenchParameters, known: Mapping[str, tuple[float, float]]
 ) -> tuple[MotionBaseline, Array, list[RowNoise]]:
-    """The constants by the rows alone, their covariance (k, k), and the noise that a first fit shows."""
+    """The constants by the rows alone, their covariance (k, k), and the noise that a first fit shows.
+
+    A loss curve that falls plainly, wander and steps of the encoders allowed for, is fitted again as one that should
+    rise.
+    """
     start = _start(runs, bench, known)
     noise = [row_noise(start, place) for place in range(len(start.stretches))]
     rough, _ = fit_beside(start, noise, ())
     noise = noise_beside(rough, noise)
     found, covariance = fit_beside(rough, noise, ())
-    if falls := falls_of(found.sheet, found.values, covariance, _fastest(found.stretches)):
+    at_most = _fastest_in_neutral(found.stretches)
+    if falls_of(found.sheet, found.values, covariance, at_most):
+        wider = _with_wander_and_steps(found, covariance, noise)
+        falls = falls_of(found.sheet, found.values, wider, at_most)
         found, covariance = fit_beside(replace(found, sheet=replace(found.sheet, sums=falls)), noise, ())
     return found, covariance, noise
 
 
-def _fastest(stretches: tuple[RotorRows, ...]) -> PerShaft[float]:
-    """Largest speed of each rotor [rad/s]."""
+def _fastest_in_neutral(stretches: tuple[RotorRows, ...]) -> PerShaft[float]:
+    """Largest speed of each rotor where the gear does not load it [rad/s]."""
 
     def of(side: str) -> float:
-        turning = (s.shaft.speed for s in stretches if s.side == side and not s.at_rest)
+        turning = (s.shaft.speed for s in stretches if s.side == side and not (s.at_rest or s.coupled))
         return max((float(np.abs(speed).max()) for speed in turning), default=0.0)
 
     return per_shaft(of)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING
 
@@ -33,9 +34,6 @@ REST = 0.3
 BETWEEN = (4.5e-4, 1.2e-4, 8e-5, 3e-5, 3e-5)
 """Standard deviation of a curve halfway between two of `FORM_SPEEDS` about the straight line over them [N m]: largest
 where a film of lubricant breaks."""
-
-SLOWEST = 0.75
-"""Speed [rad/s] from which on a loss curve is not expected to fall: below, friction passes through standstill."""
 
 PLAINLY, RISE_FORM = 3.0, 4e-3
 """Standard uncertainties by which a loss curve must fall for it to count; and the standard deviation [N m] by which one
@@ -99,7 +97,7 @@ def loss_curve(sheet: DataSheet, values: Array, covariance: Array, side: str, sp
 
 
 def falls_of(sheet: DataSheet, values: Array, covariance: Array, fastest: PerShaft[float]) -> tuple[SheetSum, ...]:
-    """What is expected of each loss curve between two speeds from which to which it falls, as fitted.
+    """Where a fitted loss curve falls with speed, and how much it should rise there.
 
     Parameters
     ----------
@@ -108,7 +106,12 @@ def falls_of(sheet: DataSheet, values: Array, covariance: Array, fastest: PerSha
     values, covariance : (k,) and (k, k) array
         The constants as fitted; SI.
     fastest : PerShaft of float
-        Largest speed of each rotor in the campaign [rad/s].
+        Largest speed of each rotor in neutral [rad/s].
+
+    Returns
+    -------
+    tuple of SheetSum
+        One for each part of a range of speeds over which a curve falls plainly: its rise less that which is expected.
 
     Notes
     -----
@@ -118,19 +121,25 @@ def falls_of(sheet: DataSheet, values: Array, covariance: Array, fastest: PerSha
     """
     found = []
     for side, most in fastest.items():
-        speeds = np.array([speed for speed in (SLOWEST, *FORM_SPEEDS) if speed <= most])
+        speeds = np.array([speed for speed in FORM_SPEEDS if speed <= most])
         if len(speeds) < 2:
             continue
         columns, weights = drag_columns(side, speeds), np.zeros((len(speeds), len(sheet)))
         weights[:, [sheet.at(name) for name in columns]] = np.stack(list(columns.values()), 1)
         weights = np.diff(weights, axis=0)
         rises, u = weights @ values, u_predicted(weights, covariance)
-        most_rise = int(np.argmax(rises))
-        powers = np.diff([speeds**power for power in RISES_AS])
-        ends = max(float(rises[most_rise]), 0.0) * powers / powers[:, most_rise, None]
-        expected, spread = ends.mean(axis=0), np.hypot(np.ptp(ends, axis=0) / math.sqrt(12.0), RISE_FORM)
-        falling = zip(weights, expected, spread, rises < -PLAINLY * u, strict=True)
-        found += [SheetSum(f"falling_{side}", row, float(e), float(s)) for row, e, s, falls in falling if falls]
+        steepest = int(np.argmax(rises - PLAINLY * u))
+        rise, powers = max(float(rises[steepest]), 0.0), np.diff([speeds**power for power in RISES_AS])
+        shares = (rise > 0.0) * powers / powers[:, steepest, None]
+        for falls, group in itertools.groupby(range(len(rises)), key=(rises < -PLAINLY * u).__getitem__):
+            places = list(group)
+            if not falls:
+                continue
+            fall, between = float(-rises[places].sum()), (float(speeds[places[0]]), float(speeds[places[-1] + 1]))
+            for own, share in zip(weights[places], shares.T[places], strict=True):
+                spread = math.hypot(rise * float(np.ptp(share)) / math.sqrt(12.0), RISE_FORM)
+                meant = own - float(np.mean(share)) * weights[steepest]
+                found.append(SheetSum(f"falling_{side}", meant, spread, fall, between))
     return tuple(found)
 
 

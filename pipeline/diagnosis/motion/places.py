@@ -21,7 +21,7 @@ OF_CONSTANTS = {
     "zero": "zero of the {side} transducer",
     "pull_out": "pull-out torque",
     "drag": "loss curve of the {side} rotor",
-    "falling": "loss curve of the {side} rotor between two speeds",
+    "falling": "loss curve of the {side} rotor, which falls with speed",
     "ripple": "ripple of a turn of the {side} shaft",
     "eccentricity": "eccentricity of the {side} encoder",
     "map": "torque against pole angle",
@@ -52,12 +52,15 @@ def signal_of(place: MotionPlace) -> str:
 
 
 def size_of(diagnosis: MotionDiagnosis, place: MotionPlace) -> float:
-    """Size of a place; of a constant, the torque of its distance from the data sheet over the rows it moves [N m]."""
+    """Size of a place [N m]; of a constant, the torque of its distance from the data sheet over the rows it moves.
+
+    Of a loss curve that falls with speed it is the fall.
+    """
     if place.family.configuration != OFF_SHEET:
         return place.size
     before = diagnosis.before
     if falls := sums_of(diagnosis, place):
-        return float(max(-each.weights @ before.values for each in falls))
+        return max(each.fall for each in falls)
     at = of_sheet(diagnosis, place)
     off = (before.values - before.sheet.expected)[at]
     columns = np.concatenate([before.clean.columns(i)[:, at] for i in range(len(before.stretches))])
@@ -66,7 +69,7 @@ def size_of(diagnosis: MotionDiagnosis, place: MotionPlace) -> float:
 
 
 def sums_of(diagnosis: MotionDiagnosis, place: MotionPlace) -> list[SheetSum]:
-    """Sums of constants that are not as they should be, where a place is one of these."""
+    """Falls of a loss curve, where a place is one that falls with speed."""
     if place.family.configuration != OFF_SHEET:
         return []
     return [each for each in diagnosis.before.sheet.sums if each.name == place.family.follows]
@@ -94,7 +97,7 @@ def where_to_look(diagnosis: MotionDiagnosis) -> str:
         return "the bench"
     place = largest_of(diagnosis)
     if sums_of(diagnosis, place):
-        return f"the {place.family.follows.removeprefix('falling_')} bearings, whose drag falls with speed"
+        return f"the {signal_of(place)} bearings, whose drag falls with speed"
     if place.family.configuration == OFF_SHEET:
         return f"the {follows(place)}, which is not that of the data sheet"
     return f"the {place.family.side} shaft in {place.family.configuration} runs"

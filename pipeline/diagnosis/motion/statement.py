@@ -21,6 +21,7 @@ from pmg.pipeline.wording.cause_sets import SHAFT_WORDS, TOGETHER
 from pmg.pipeline.wording.plurals import uncapitalised
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
+from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
@@ -128,9 +129,11 @@ def largest_place(diagnosis: MotionDiagnosis) -> str:
     if not diagnosis.mismatch.locations:
         return ""
     place = largest_of(diagnosis)
-    if sums_of(diagnosis, place):
-        fall = size_of(diagnosis, place) / MILLI
-        return f"the loss curve of the {signal_of(place)} rotor falls with speed (by {fall:.0f} mN m, without a cause)."
+    if falls := sums_of(diagnosis, place):
+        most = max(falls, key=lambda each: each.fall)
+        over = " to ".join(f"{speed / RPM:.0f}" for speed in most.between)
+        by = f"by {most.fall / MILLI:.2g} mN m from {over} rpm, fitted without a cause"
+        return f"the loss curve of the {signal_of(place)} rotor falls with speed ({by})."
     size = f"{size_of(diagnosis, place) / MILLI:.1f} mN m rms"
     if place.family.configuration != OFF_SHEET:
         where = f"the {place.family.side} torque in {place.family.configuration} runs"

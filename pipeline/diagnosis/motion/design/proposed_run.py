@@ -175,7 +175,8 @@ def with_runs(fitted: MotionBaseline, runs: tuple[ProposedRun, ...]) -> tuple[Mo
         planned, time = _planned(run, k, known), run.times(known[0].run.fine_rate)
         if planned.coupled:
             start = SheetConstant(start_name(planned.name), "rad", 0.0, FREE)
-            sheet = replace(sheet, constants=(*sheet.constants, start))
+            sums = tuple(replace(each, weights=np.r_[each.weights, 0.0]) for each in sheet.sums)
+            sheet = replace(sheet, constants=(*sheet.constants, start), sums=sums)
             values = np.r_[values, _pole_angle(run, sheet, values, time)[0]]
         made += _stretches(planned, _turned(run, sheet, values, time), sheet, values, known)
     return MotionBaseline(sheet, values, (*known, *made)), len(known)

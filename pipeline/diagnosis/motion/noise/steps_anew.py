@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import upfirdn
 
 from pmg.pipeline.diagnosis.motion.noise.filtered import LEAST
-from pmg.pipeline.motion.smooth import row_weights
+from pmg.pipeline.motion.smooth import MOST_COMMON, row_weights
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 
 if TYPE_CHECKING:
@@ -21,20 +21,22 @@ COUNTED = 8
 """Times that a campaign is counted anew."""
 
 
-def off_by_steps(fitted: MotionBaseline) -> list[Array]:
+def off_by_steps(fitted: MotionBaseline, *, jitters: bool = False) -> list[Array]:
     r"""Errors (r, d) of the rows of each stretch [N m] with the steps of the encoders at other places, drawn d times.
 
     Parameters
     ----------
     fitted : MotionBaseline
         The constants, and signals that are free of noise as far as the balances tell.
+    jitters : bool
+        Whether the times of samples jitter as they did: all noise of the angles then, not the steps alone.
 
     Notes
     -----
     A shaft that turns by nearly a whole number of counts a sample, and swings by a few, is off by the same function of
     its swing in every period: an error of the amplitude that no density tells. The smooth angle is therefore counted
     anew from places that are drawn, :math:`e = c \lfloor (\theta + \delta)/c \rfloor + c/2 - \delta - \theta`, and
-    the balance of a row makes :math:`J \ddot e + K p \sum p_i e_i` of it. The times of samples jitter as before.
+    the balance of a row makes :math:`J \ddot e + K p \sum p_i e_i` of it.
     """
     rng, found = np.random.default_rng(0), []
     counted: dict[str, PerShaft[tuple[Array, Array]]] = {}
@@ -46,7 +48,7 @@ def off_by_steps(fitted: MotionBaseline) -> list[Array]:
             continue
         name = stretch.run.run.name
         if name not in counted:
-            blurs = _blurs(clean.run, rng)
+            blurs = _blurs(clean.run, rng) if jitters else PerShaft(*np.zeros((2, 1, 1)))
             counted[name] = PerShaft(*(_errors(clean.run, side, rng, blurs[side]) for side in SIDES))
         off = inertia[stretch.side] * counted[name][stretch.side][1]
         if stretch.coupled:
@@ -67,12 +69,12 @@ def _blurs(run: SmoothRun, rng: np.random.Generator) -> PerShaft[Array]:
     sun, ring = rng.standard_normal((2, len(run.run.angle.sun), COUNTED))
     densities = run.shafts.map(lambda shaft: shaft.angle_noise.jitter)
     together = run.common / max(np.sqrt(densities.sun * densities.ring), LEAST)
-    together = float(np.clip(together, -1.0, 1.0))
+    together = float(np.clip(together, -MOST_COMMON, MOST_COMMON))
     size = densities.map(lambda density: np.sqrt(0.5 * run.run.rate * density))
     return PerShaft(size.sun * sun, size.ring * (together * sun + np.sqrt(1.0 - together**2) * ring))
 
 
-def _errors(run: SmoothRun, side: str, rng: np.random.Generator, blur: Array | float = 0.0) -> tuple[Array, Array]:
+def _errors(run: SmoothRun, side: str, rng: np.random.Generator, blur: Array) -> tuple[Array, Array]:
     """Rows (m, d) of what the counts of an angle and of its second derivative are off [rad, rad/s2].
 
     `blur` (n, d) is what comes to the angle at each sample [rad].

@@ -33,22 +33,16 @@ def synthetic_noise(parts: Sequence[Compressed], noise: Sequence[RowNoise], rng:
     -----
     Rows are white together with the noise that the angles are thought to make. Steps of the encoders are no white noise
     where they follow an order, as in a shaft that swings about a speed that is held: in place of that noise each draw
-    has one of the ways in which counting anew makes them, either way round, and the same in both balances of a run.
+    mixes the ways in which counting anew makes them, alike in both balances of a run.
     """
     found: list[Array] = []
     taken: dict[str, Array] = {}
     for part, each, wander in zip(parts, noise, wander_at_knots(noise, rng, DRAWS), strict=True):
         if part.run not in taken:
-            taken[part.run] = _one_of(part.of_steps.shape[1], rng)
+            counted = part.of_steps.shape[1]
+            taken[part.run] = rng.standard_normal((counted, DRAWS)) / np.sqrt(counted)
         of_wander = part.of_wander @ each.wander.covariance(each.knots) @ part.of_wander.T
         squares, vectors = np.linalg.eigh(np.eye(len(part.y)) - of_wander - part.of_angles)
         rest = vectors @ (np.sqrt(np.maximum(squares, 0.0))[:, None] * rng.standard_normal((len(part.y), DRAWS)))
         found.append(part.of_wander @ wander + rest + part.of_steps @ taken[part.run])
     return np.vstack(found)
-
-
-def _one_of(columns: int, rng: np.random.Generator) -> Array:
-    """Weights (columns, draws) that take one of some columns for each draw, either way round."""
-    found = np.zeros((columns, DRAWS))
-    found[rng.integers(columns, size=DRAWS), np.arange(DRAWS)] = np.where(rng.random(DRAWS) < 0.5, -1.0, 1.0)
-    return found
