@@ -15,6 +15,8 @@ from pmg.pipeline.diagnosis.motion.constants import FORM_SPEEDS, DataSheet, Shee
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.loss_curve import PLAINLY, RISE_FORM, drag_columns, falls_of
+from pmg.pipeline.diagnosis.motion.places import fall_words
+from pmg.pipeline.diagnosis.motion.traces import effects_of, traces_of
 from pmg.pipeline.trials.motion.nature import measure_motion_case
 from pmg.pipeline.trials.score.case_list import draw_motion_lots
 from pmg.sim.bench import load_bench
@@ -86,7 +88,7 @@ def test_speeds_that_a_rotor_never_had_say_nothing() -> None:
 def test_a_sum_pulls_as_one_more_row_and_is_moved_by_itself_alone(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     sums = tuple(
-        SheetSum(f"falling_{k % 2}", rng.standard_normal(len(SHEET)), 0.1 + rng.random(), 0.01, (1.0, 2.0))
+        SheetSum(("sun", "ring")[k % 2], rng.standard_normal(len(SHEET)), 0.1 + rng.random(), 0.01, (1.0, 2.0))
         for k in range(count)
     )
     sheet = replace(SHEET, sums=sums)
@@ -108,6 +110,11 @@ def _same_as_before(sheet: DataSheet, rows: int, count: int) -> None:
     np.testing.assert_array_equal(moved[:-count], SHEET.columns_of(names, rows - count))
 
 
+def test_the_deepest_fall_is_told_with_its_size_and_its_speeds() -> None:
+    falls = [SheetSum("ring", np.zeros(1), 0.01, fall, (1.5, 10.0 * fall / 0.0374)) for fall in (0.0374, 0.01)]
+    assert fall_words(falls) == "the loss curve of the ring rotor falls by 37 mN m from 14 to 95 rpm"
+
+
 @slow
 @pytest.mark.parametrize(
     ("seed", "number", "campaigns", "true", "one"),
@@ -127,3 +134,10 @@ def test_mixed_lubrication_is_seen_in_the_loss_curve_that_it_makes_fall(
     assert (document["verdict"] == "named") == one
     (extra,) = (each for each in cause["parameters"] if each["name"] == "extra")
     assert extra["value"] == pytest.approx(true, abs=0.03)
+    assert "without it, the loss curve of the ring rotor falls by" in document["statement"]
+    traces = [trace for trace in traces_of(found, effects_of(found)) if trace.stretch.side == "ring"]
+    without, with_it = (
+        max(float(np.abs(trace.missing(getattr(trace, which))).max()) for trace in traces)
+        for which in ("before", "after")
+    )
+    assert without > 2.0 * with_it, "the picture shows the cause that a free curve would hide"

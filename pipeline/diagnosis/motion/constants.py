@@ -95,12 +95,12 @@ class SheetConstant:
 
 @dataclass(frozen=True)
 class SheetSum:
-    """A sum of constants that should be zero, whatever each of them is.
+    """A sum of constants that should be zero where a loss curve falls: its rise, less that which is expected.
 
     Parameters
     ----------
-    name : str
-        What is wrong where it is not, and on which shaft: ``falling_ring``.
+    side : str
+        Of the rotor.
     weights : (k,) array
         Of the constants.
     spread : float
@@ -111,11 +111,16 @@ class SheetSum:
         From which speed to which [rad/s].
     """
 
-    name: str
+    side: str
     weights: Array
     spread: float
     fall: float
     between: tuple[float, float]
+
+    @property
+    def name(self) -> str:
+        """What is wrong where it is not zero, as names of constants begin."""
+        return f"falling_{self.side}"
 
 
 @dataclass(frozen=True)

@@ -139,7 +139,7 @@ def falls_of(sheet: DataSheet, values: Array, covariance: Array, fastest: PerSha
             for own, share in zip(weights[places], shares.T[places], strict=True):
                 spread = math.hypot(rise * float(np.ptp(share)) / math.sqrt(12.0), RISE_FORM)
                 meant = own - float(np.mean(share)) * weights[steepest]
-                found.append(SheetSum(f"falling_{side}", meant, spread, fall, between))
+                found.append(SheetSum(side, meant, spread, fall, between))
     return tuple(found)
 
 

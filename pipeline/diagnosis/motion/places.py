@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET, OFF_SHEET
+from pmg.pipeline.wording.units import MILLI
+from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
@@ -59,7 +61,7 @@ def size_of(diagnosis: MotionDiagnosis, place: MotionPlace) -> float:
     if place.family.configuration != OFF_SHEET:
         return place.size
     before = diagnosis.before
-    if falls := sums_of(diagnosis, place):
+    if falls := falls_at(diagnosis, place):
         return max(each.fall for each in falls)
     at = of_sheet(diagnosis, place)
     off = (before.values - before.sheet.expected)[at]
@@ -68,11 +70,18 @@ def size_of(diagnosis: MotionDiagnosis, place: MotionPlace) -> float:
     return float(np.sqrt(moved @ moved / max(len(moved), 1)))
 
 
-def sums_of(diagnosis: MotionDiagnosis, place: MotionPlace) -> list[SheetSum]:
+def falls_at(diagnosis: MotionDiagnosis, place: MotionPlace) -> list[SheetSum]:
     """Falls of a loss curve, where a place is one that falls with speed."""
     if place.family.configuration != OFF_SHEET:
         return []
     return [each for each in diagnosis.before.sheet.sums if each.name == place.family.follows]
+
+
+def fall_words(falls: list[SheetSum]) -> str:
+    """By how much a loss curve falls and between which speeds, as a part of a sentence."""
+    most = max(falls, key=lambda each: each.fall)
+    low, high = (f"{speed / RPM:.0f}" for speed in most.between)
+    return f"the loss curve of the {most.side} rotor falls by {most.fall / MILLI:.2g} mN m from {low} to {high} rpm"
 
 
 def of_sheet(diagnosis: MotionDiagnosis, place: MotionPlace) -> list[int]:
@@ -96,7 +105,7 @@ def where_to_look(diagnosis: MotionDiagnosis) -> str:
     if not diagnosis.mismatch.locations:
         return "the bench"
     place = largest_of(diagnosis)
-    if sums_of(diagnosis, place):
+    if falls_at(diagnosis, place):
         return f"the {signal_of(place)} bearings, whose drag falls with speed"
     if place.family.configuration == OFF_SHEET:
         return f"the {follows(place)}, which is not that of the data sheet"

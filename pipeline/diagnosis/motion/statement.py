@@ -14,14 +14,13 @@ from pmg.pipeline.diagnosis.grid.rivals import nearest_share, why_not_named, why
 from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES
 from pmg.pipeline.diagnosis.motion.design.remedy import advice
 from pmg.pipeline.diagnosis.motion.evidence import OFF_SHEET
-from pmg.pipeline.diagnosis.motion.places import follows, largest_of, of_sheet, signal_of, size_of, sums_of
+from pmg.pipeline.diagnosis.motion.places import fall_words, falls_at, follows, largest_of, of_sheet, size_of
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.motion.smooth import BAND
 from pmg.pipeline.wording.cause_sets import SHAFT_WORDS, TOGETHER
 from pmg.pipeline.wording.plurals import uncapitalised
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
-from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
@@ -129,11 +128,8 @@ def largest_place(diagnosis: MotionDiagnosis) -> str:
     if not diagnosis.mismatch.locations:
         return ""
     place = largest_of(diagnosis)
-    if falls := sums_of(diagnosis, place):
-        most = max(falls, key=lambda each: each.fall)
-        over = " to ".join(f"{speed / RPM:.0f}" for speed in most.between)
-        by = f"by {most.fall / MILLI:.2g} mN m from {over} rpm, fitted without a cause"
-        return f"the loss curve of the {signal_of(place)} rotor falls with speed ({by})."
+    if falls := falls_at(diagnosis, place):
+        return f"{fall_words(falls)}, fitted without a cause."
     size = f"{size_of(diagnosis, place) / MILLI:.1f} mN m rms"
     if place.family.configuration != OFF_SHEET:
         where = f"the {place.family.side} torque in {place.family.configuration} runs"
@@ -204,5 +200,12 @@ def proof_sentence(diagnosis: MotionDiagnosis) -> str:
     return (
         f"With it in the model, the error on runs not used for the fit {change} from "
         f"{before:.{digits}f} to {after:.{digits}f} mN m; noise alone makes "
-        f"{held.noise_floor / MILLI:.{digits}f} mN m. {main}"
+        f"{held.noise_floor / MILLI:.{digits}f} mN m. {_fall_sentence(diagnosis)}{main}"
     ).rstrip()
+
+
+def _fall_sentence(diagnosis: MotionDiagnosis) -> str:
+    """What tells a cause that a loss curve of free form would take up; empty of others."""
+    shafts = {term_of(fit).shaft for fit in named_fits(diagnosis)}
+    falls = [each for each in diagnosis.before.sheet.sums if each.side in shafts]
+    return f"What tells it is that, without it, {fall_words(falls)}. " if falls else ""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from pmg.pipeline.diagnosis.motion.catalogue import columns_beside
+from pmg.pipeline.diagnosis.motion.loss_curve import loss_names
 from pmg.pipeline.diagnosis.motion.noise.row_noise import slow_spread
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.fit.span import pseudo_inverse
@@ -130,11 +131,15 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     Notes
     -----
     A constant of which the data sheet is wrong is among the fitted ones, so that its effect is in the baseline already.
+    Where a loss curve falls for want of a cause, the one before is that which is fitted beside the cause.
     """
     baseline, fits = final_baseline(diagnosis), named_fits(diagnosis)
     sheet, values = baseline.sheet, diagnosis.before.values.copy()
     wrong = [sheet.at(name) for fit in fits for name in (*term_of(fit).constants, *term_of(fit).mimicked_by)]
     values[wrong] = sheet.expected[wrong]
+    hiding = {each.side for each in sheet.sums} & {term_of(fit).shaft for fit in fits}
+    free = [sheet.at(name) for side in hiding for name in loss_names(side)]
+    values[free] = baseline.values[free]
     before = replace(diagnosis.before, values=values)
     of_constants = [baseline.predicted(place) for place in range(len(baseline.stretches))]
     after = [

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.remedy import LIKELY
 from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER, merged
-from pmg.pipeline.diagnosis.motion.places import largest_of, sums_of, where_to_look
+from pmg.pipeline.diagnosis.motion.places import falls_at, largest_of, where_to_look
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
@@ -47,11 +47,9 @@ def advice(diagnosis: MotionDiagnosis) -> str:
         return f"Do: {'; '.join(every)}."
     if diagnosis.next_runs:
         return f"Do: {next_run(diagnosis)}."
-    falls = diagnosis.mismatch.locations and sums_of(diagnosis, largest_of(diagnosis))
-    shown = (
-        "that on loss curves shows the fall" if falls else "the chapter on the runs shows when the torque is missing"
-    )
-    return f"Do: inspect {where_to_look(diagnosis)}; {shown}."
+    falls = diagnosis.mismatch.locations and falls_at(diagnosis, largest_of(diagnosis))
+    shown = "loss curves shows the fall" if falls else "the runs shows when the torque is missing"
+    return f"Do: inspect {where_to_look(diagnosis)}; the chapter on {shown}."
 
 
 def bench_actions(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
