@@ -90,10 +90,8 @@ def loss_curve(sheet: DataSheet, values: Array, covariance: Array, side: str, sp
     -----
     What a real curve is off between the speeds at which it is fitted is no constant, and is added.
     """
-    found = drag_columns(side, speed)
-    columns, at = np.stack(list(found.values()), 1), [sheet.at(name) for name in found]
-    u = np.hypot(u_predicted(columns, covariance[np.ix_(at, at)]), _between(speed))
-    return np.asarray(columns @ values[at]), u
+    weights = _weights(sheet, side, speed)
+    return np.asarray(weights @ values), np.hypot(u_predicted(weights, covariance), _between(speed))
 
 
 def falls_of(sheet: DataSheet, values: Array, covariance: Array, fastest: PerShaft[float]) -> tuple[SheetSum, ...]:
@@ -124,23 +122,25 @@ def falls_of(sheet: DataSheet, values: Array, covariance: Array, fastest: PerSha
         speeds = np.array([speed for speed in FORM_SPEEDS if speed <= most])
         if len(speeds) < 2:
             continue
-        columns, weights = drag_columns(side, speeds), np.zeros((len(speeds), len(sheet)))
-        weights[:, [sheet.at(name) for name in columns]] = np.stack(list(columns.values()), 1)
-        weights = np.diff(weights, axis=0)
+        weights = np.diff(_weights(sheet, side, speeds), axis=0)
         rises, u = weights @ values, u_predicted(weights, covariance)
         steepest = int(np.argmax(rises - PLAINLY * u))
         rise, powers = max(float(rises[steepest]), 0.0), np.diff([speeds**power for power in RISES_AS])
         shares = (rise > 0.0) * powers / powers[:, steepest, None]
+        meant = weights - shares.mean(axis=0)[:, None] * weights[steepest]
+        spread = np.hypot(rise * np.ptp(shares, axis=0) / math.sqrt(12.0), RISE_FORM)
         for falls, group in itertools.groupby(range(len(rises)), key=(rises < -PLAINLY * u).__getitem__):
             places = list(group)
-            if not falls:
-                continue
             fall, between = float(-rises[places].sum()), (float(speeds[places[0]]), float(speeds[places[-1] + 1]))
-            for own, share in zip(weights[places], shares.T[places], strict=True):
-                spread = math.hypot(rise * float(np.ptp(share)) / math.sqrt(12.0), RISE_FORM)
-                meant = own - float(np.mean(share)) * weights[steepest]
-                found.append(SheetSum(side, meant, spread, fall, between))
+            found += [SheetSum(side, meant[k], float(spread[k]), fall, between) for k in places if falls]
     return tuple(found)
+
+
+def _weights(sheet: DataSheet, side: str, speed: Array) -> Array:
+    """Weights (n, k) of the constants in the drag of a rotor in neutral at speeds [rad/s]."""
+    columns, found = drag_columns(side, speed), np.zeros((len(speed), len(sheet)))
+    found[:, [sheet.at(name) for name in columns]] = np.stack(list(columns.values()), 1)
+    return found
 
 
 def _between(speed: Array) -> Array:

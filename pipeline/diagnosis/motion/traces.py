@@ -131,7 +131,7 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     Notes
     -----
     A constant of which the data sheet is wrong is among the fitted ones, so that its effect is in the baseline already.
-    Where a loss curve falls for want of a cause, the one before is that which is fitted beside the cause.
+    Where a loss curve falls for want of a cause, the model before has the loss curve fitted beside the cause.
     """
     baseline, fits = final_baseline(diagnosis), named_fits(diagnosis)
     sheet, values = baseline.sheet, diagnosis.before.values.copy()
