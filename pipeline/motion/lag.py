@@ -38,6 +38,11 @@ class Lag:
     time: float
     sharpness: float
 
+    @property
+    def told_from_delay(self) -> bool:
+        """Whether it weakens waves in its band; one that does not is a delay, up to the third power of a frequency."""
+        return self.sharpness < BUTTERWORTH
+
     def of(self, torque: Array, rate: float) -> Array:
         """Torques (n, k) at samples of a rate [1/s] as they are shown, steady before the first of them.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem, fit_term
+from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem, fit_term, promised
 from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
 from pmg.pipeline.diagnosis.balance.library.elastic import BACKLASH
 from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
@@ -28,8 +28,8 @@ IN_THE_MAIN = 0.15
 """Part of the gain of a set that may be left where every part of the record names that set."""
 
 NEARLY = 0.5
-"""Part of the leading gain from which on a shape that is the size of its term is searched, wherever it stands: between
-the values that are tabled it may gain twice as much."""
+"""Part of the leading gain from which on a shape that is the size of its term is searched, wherever it stands: what it
+may gain between the values that are tabled is told by a spline through their columns."""
 
 TWIN = 0.999
 """Correlation of what two terms leave given everything else from which on a record cannot tell them apart."""
@@ -71,8 +71,10 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
         terms = [table.term for table in problem.tables.values() if table.term.identifier not in none_twice]
         fits = sorted((fit_term(problem, term, refine=False) for term in terms), key=lambda fit: -problem.score(fit))
         for place, fit in enumerate(fits):
-            ahead = place <= FIRST_OF_PAIRS or (fit.candidate.whole and fit.gain > NEARLY * fits[0].gain)
-            if ahead and self._between(fit.candidate):
+            if not self._between(fit.candidate):
+                continue
+            whole = fit.candidate.whole
+            if place <= FIRST_OF_PAIRS or (whole and promised(problem, fit.candidate) > NEARLY * fits[0].gain):
                 fits[place] = fit_term(problem, fit.candidate)
         return sorted(fits, key=lambda fit: -problem.score(fit))
 

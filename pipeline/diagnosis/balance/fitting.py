@@ -12,6 +12,7 @@ from pmg.pipeline.diagnosis.balance.library.term import Term
 from pmg.pipeline.diagnosis.balance.periods import periods
 from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem, bounded_sizes
 from pmg.pipeline.diagnosis.engine.scan import ABSORBED
+from pmg.pipeline.diagnosis.engine.shape_search import best_shape, hills
 from pmg.pipeline.fit.span import freed, orthonormal
 
 if TYPE_CHECKING:
@@ -29,18 +30,6 @@ FINELY = 96
 
 AT_ONCE = 32
 """Values of a shape whose columns are filtered at once."""
-
-PARTS, TRIED = 1024, 12
-"""Parts of two steps of the grid between which the best shape is taken, and shapes tried on the way to it at most."""
-
-UNEVEN = 4
-"""Distance to the known shape on one side, over that on the other, up to which a parabola joins all three."""
-
-NEAR = 128
-"""Parts up to which the neighbours of the best must have come near for no other to be tried."""
-
-WORTH = 0.05
-"""Gain [noise variances] that another shape must promise to be tried."""
 
 
 @dataclass(frozen=True)
@@ -188,12 +177,21 @@ def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> T
     seen = problem.project(table.columns.reshape(m, g * a)).reshape(m, g, a)
     gains = _gains(seen, problem.left, term)
     best = int(np.argmax(gains))
+    starts = [shape for shape, _ in hills(seen[:, :, 0], problem.left, table.shapes)] if term.whole else []
+    if starts:
+        best = int(np.argmin(np.abs(np.log(table.shapes / starts[0]))))
     inner = min(max(best, 1), g - 2) if g > 2 and not term.one_of else best
     untold = best != inner and bool(gains[best] - gains[inner] < FLAT)
     best = inner if untold else best
     shape = float(table.shapes[best])
     if term.shape is not None and refine and not untold and not term.one_of:
-        shape = _refined(problem, term, table.shapes, gains, best)
+
+        def gain_of(shape: float) -> float:
+            own = problem.project(problem.columns_of(term, shape))
+            return float(_gains(own[:, None, :], problem.left, term)[0])
+
+        climbed = (best_shape(gain_of, table.shapes, gains, start, even=term.even_grid) for start in starts or [shape])
+        shape = max(climbed, key=lambda reached: reached[1])[0]
     tabled = term.shape is None or shape == table.shapes[best]
     whole = table.columns[:, best] if tabled else problem.columns_of(term, shape)
     seen = problem.project(whole)
@@ -221,6 +219,13 @@ def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> T
     return TermFit(term, gain, cost + shape_cost, effect, tuple(on_bound), amplitudes, shape)
 
 
+def promised(problem: TermProblem, term: Term[Any]) -> float:
+    """Gain of a term of known size between its tabled shapes, as far as these tell [noise variances]."""
+    table = problem.tables[term.key]
+    tops = hills(problem.project(table.columns[:, :, 0]), problem.left, table.shapes)
+    return max((gain for _, gain in tops), default=0.0)
+
+
 def _gains(seen: Array, left: Array, term: Term[Any]) -> Array:
     """Fall of the sum of squares at each shape (g,); a single amplitude keeps to its bounds."""
     if seen.shape[2] == 1:
@@ -233,63 +238,6 @@ def _gains(seen: Array, left: Array, term: Term[Any]) -> Array:
     square = by_shape.transpose(0, 2, 1) @ by_shape
     ridge = np.maximum(1e-9 * np.trace(square, axis1=1, axis2=2), 1e-300)[:, None, None] * np.eye(seen.shape[2])
     return np.asarray(np.einsum("ga,ga->g", along, np.linalg.solve(square + ridge, along[:, :, None])[:, :, 0]))
-
-
-def _refined(problem: TermProblem, term: Term[Any], shapes: Array, gains: Array, best: int) -> float:
-    """The shape between its neighbours on the grid that fits best: vertices of parabolas through the best three."""
-    turn = (lambda x: 1.0 / x) if term.even_grid else math.exp
-    back = (lambda s: 1.0 / s) if term.even_grid else math.log
-    ends = max(best - 1, 0), min(best + 1, len(shapes) - 1)
-    start, stop = (back(float(shapes[k])) for k in ends)
-    if start == stop:
-        return float(shapes[best])
-
-    def shape_at(part: int) -> float:
-        return turn(start + (stop - start) * part / PARTS)
-
-    def gain_at(part: int) -> float:
-        seen = problem.project(problem.columns_of(term, shape_at(part)))
-        return float(_gains(seen[:, None, :], problem.left, term)[0])
-
-    middle = round(PARTS * (back(float(shapes[best])) - start) / (stop - start))
-    if ends[0] < best < ends[1]:
-        middle = min(max(middle, 1), PARTS - 1)
-    known = {middle: float(gains[best])}
-    known |= {part: float(gains[end]) for part, end in zip((0, PARTS), ends, strict=True) if part != middle}
-    if len(known) < 3:  # the best is at an end of the grid
-        known[PARTS // 2] = gain_at(PARTS // 2)
-    for _ in range(TRIED):
-        part = _next_part(known)
-        if part in known:
-            break
-        known[part] = gain_at(part)
-    now = max(known, key=lambda part: known[part])
-    return float(shapes[best]) if now == middle else shape_at(now)
-
-
-def _next_part(known: dict[int, float]) -> int:
-    """Where the parabola through the best known value and its neighbours is highest; a known one where it is enough."""
-    parts, now = sorted(known), max(known, key=lambda part: known[part])
-    at = parts.index(now)
-    low, high = parts[max(at - 1, 0)], parts[min(at + 1, len(parts) - 1)]
-    if now in (low, high):  # an end is best so far: halve what is next to it
-        return (low + high) // 2
-    left, right = now - low, high - now
-    if left > UNEVEN * right:  # a parabola over such a gap is far from the gains
-        return now - 2 * right
-    if right > UNEVEN * left:
-        return now + 2 * left
-    fall_left, fall_right = known[now] - known[low], known[now] - known[high]
-    bend = right * fall_left + left * fall_right
-    if bend <= 0.0:  # three of one height
-        return now
-    away = 0.5 * (right**2 * fall_left - left**2 * fall_right) / bend
-    higher = away**2 * bend / (left * right * (left + right))
-    if higher > WORTH:
-        return min(max(round(now + away), low + 1), high - 1)
-    if max(left, right) <= NEAR:
-        return now
-    return now + right // 4 if right > left else now - left // 4
 
 
 def shape_step(term: Term[Any], shape: float) -> tuple[float, float]:

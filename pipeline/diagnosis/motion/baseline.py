@@ -7,9 +7,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from pmg.pipeline.diagnosis.motion.constants import start_name
-from pmg.pipeline.diagnosis.motion.rows import held_beside, linear_columns, rotor_state, torque_of
+from pmg.pipeline.diagnosis.motion.rows import held_beside, later_of, linear_columns, rotor_state, torque_of
 from pmg.pipeline.diagnosis.motion.stance import encoder_columns, stance_columns
 
 if TYPE_CHECKING:
@@ -113,9 +114,12 @@ class MotionBaseline:
         slopes |= encoder_columns(state) | stance_columns(state)
         fine, found = np.stack(list(slopes.values()), 1), np.zeros((len(state.stretch), len(self.sheet)))
         of_torque = [not name.startswith(OF_READING) for name in slopes]
+        rate, skew = state.stretch.run.fine_rate, f"skew_{state.stretch.side}"
         for lag in self.lags:
             if lag.side == state.stretch.side and not state.stretch.at_rest:
-                fine[:, of_torque] = lag.of(fine[:, of_torque], state.stretch.run.fine_rate)
+                fine[:, of_torque] = lag.of(fine[:, of_torque], rate)
+                if lag.told_from_delay:
+                    fine[:, [list(slopes).index(skew)]] = later_of(lag, state)
         found[:, [self.sheet.at(name) for name in slopes]] = state.stretch.of_rows(fine)
         return found
 
@@ -136,41 +140,46 @@ def fit_baseline(
     start: MotionBaseline,
     white: Callable[[int, Array], Array],
     extra: Callable[[MotionBaseline], list[Array]] | None = None,
+    spread: Array | None = None,
 ) -> tuple[MotionBaseline, Array]:
     """The constants fitted to the rows together with their data sheet, and their covariance (k, k).
 
     Parameters
     ----------
     start : MotionBaseline
-        Where the search starts.
+        Where the search starts; with its amplitudes, where there are further columns.
     white : callable
         Whitens columns (n, j) of a stretch, given its place.
     extra : callable, optional
-        Further columns (n, j) at the fine samples of each stretch of a baseline, whose amplitudes are free.
+        Further columns (n, a + 1) at the fine samples of each stretch of a baseline; the amplitude of the last is 1.
+    spread : (a,) array, optional
+        Standard uncertainties of the other amplitudes about zero; infinite where they are free.
 
     Notes
     -----
     Steps of Gauss and Newton. Columns are made anew after a step that is large beside the standard errors, and such a
     step is halved while it makes the sum of squares grow.
     """
-    found, at, k = replace(start, beside=(), amounts=np.zeros(0)), None, len(start.sheet)
+    amounts = np.zeros(0) if extra is None else start.amounts
+    spread = np.full(len(amounts), np.inf) if spread is None else spread
+    found, at, k = replace(start, beside=(), amounts=amounts), None, len(start.sheet)
     left = _whitened_left(found, white)
     for _ in range(ITERATIONS):
         if at is None:
-            at = _linearised(found, white, extra)
-            found = at.beside(found, found.amounts if len(found.amounts) else np.zeros(len(at.covariance) - k))
+            at = _linearised(found, white, extra, spread)
+            found = at.beside(found, found.amounts)
             left = _whitened_left(found, white) if at.others else left
-        along = at.of_sheet.T @ found.sheet.off(found.values)
+        along = at.of_sheet.T @ _off(found, spread)
         along += sum(columns.T @ rows for columns, rows in zip(at.columns, left, strict=True))
         moved = at.covariance @ along
         errors, part = np.sqrt(np.diag(at.covariance)[:k]), 1.0
         far = bool(np.any(np.abs(moved[:k]) > STRAIGHT * errors + 1e-12))
-        before = _squares(found, left)
+        before = _squares(found, spread, left)
         for _ in range(HALVINGS if far else 1):
             values, amounts = found.values + part * moved[:k], found.amounts + part * moved[k:]
             reached = at.beside(replace(found, values=values), amounts)
             left = _whitened_left(reached, white)
-            if not far or _squares(reached, left) < GROWS * before:
+            if not far or _squares(reached, spread, left) < GROWS * before:
                 break
             part *= 0.5
         found = reached
@@ -178,7 +187,7 @@ def fit_baseline(
             break
         if far:
             at = None
-    return found, (at or _linearised(found, white, extra)).covariance
+    return found, (at or _linearised(found, white, extra, spread)).covariance
 
 
 def _whitened_left(found: MotionBaseline, white: Callable[[int, Array], Array]) -> list[Array]:
@@ -186,9 +195,14 @@ def _whitened_left(found: MotionBaseline, white: Callable[[int, Array], Array]) 
     return [white(place, found.left(place)[:, None])[:, 0] for place in range(len(found.stretches))]
 
 
-def _squares(found: MotionBaseline, left: list[Array]) -> float:
-    """Sum of squares that is left, of the rows and of the data sheet."""
-    off = found.sheet.off(found.values)
+def _off(found: MotionBaseline, spread: Array) -> Array:
+    """What is known of constants and amplitudes less their values (s,), in its standard uncertainties."""
+    return np.concatenate([found.sheet.off(found.values), -(found.amounts / spread)[np.isfinite(spread)]])
+
+
+def _squares(found: MotionBaseline, spread: Array, left: list[Array]) -> float:
+    """Sum of squares that is left, of the rows and of what is known."""
+    off = _off(found, spread)
     return float(off @ off) + sum(float(rows @ rows) for rows in left)
 
 
@@ -201,9 +215,9 @@ class _Linearised:
     columns : tuple of (n, k + a) array
         Of each stretch: change of its rows per change of the constants and of the amplitudes beside them.
     of_sheet : (s, k + a) array
-        The same of what the data sheet says.
-    others : tuple of (n, a) array
-        Columns beside the constants at the fine samples; none where empty.
+        The same of what is known.
+    others : tuple of (n, a + 1) array
+        Columns beside the constants at the fine samples, the last of them known; none where empty.
     covariance : (k + a, k + a) array
         Of constants and amplitudes.
     """
@@ -215,19 +229,20 @@ class _Linearised:
 
     def beside(self, found: MotionBaseline, amounts: Array) -> MotionBaseline:
         """A baseline with mechanisms of some amplitudes (a,) beside it."""
-        return replace(found, beside=tuple(columns @ amounts for columns in self.others), amounts=amounts)
+        return replace(found, beside=tuple(columns @ np.r_[amounts, 1.0] for columns in self.others), amounts=amounts)
 
 
 def _linearised(
     found: MotionBaseline,
     white: Callable[[int, Array], Array],
     extra: Callable[[MotionBaseline], list[Array]] | None,
+    spread: Array,
 ) -> _Linearised:
     others = () if extra is None else tuple(extra(found.clean))
-    of_sheet = np.pad(found.sheet.rows, ((0, 0), (0, others[0].shape[1] if others else 0)))
+    of_sheet = block_diag(found.sheet.rows, np.diag(1.0 / spread)[np.isfinite(spread)])
     columns = []
     for place, stretch in enumerate(found.stretches):
-        own = [stretch.of_rows(each) for each in others[place : place + 1]]
+        own = [stretch.of_rows(each[:, :-1]) for each in others[place : place + 1]]
         columns.append(white(place, np.hstack([found.clean.columns(place), *own])))
     squares = of_sheet.T @ of_sheet + sum(each.T @ each for each in columns)
     length = np.sqrt(np.diag(squares))

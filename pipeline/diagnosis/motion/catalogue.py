@@ -16,6 +16,8 @@ from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
+    import numpy.typing as npt
+
     from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
     from pmg.pipeline.diagnosis.balance.library.term import Term
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
@@ -154,16 +156,20 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
     )
 
 
-def other_lateness(best: TermSet, problem: TermProblem) -> Iterator[tuple[TermFit, ...]]:
+def other_lateness(best: TermSet, found: MotionEvidence) -> Iterator[tuple[TermFit, ...]]:
     """A leading set with a lag in the place of a delay, and the other way round, where that explains nearly as much.
+
+    A lag of one order in the place of one of another order, too, where a skew off its data sheet is beside that, or the
+    rows are about such a one.
 
     Parameters
     ----------
     best : TermSet
         The leading set.
-    problem : TermProblem
-        Before anything was taken out.
+    found : MotionEvidence
+        About it.
     """
+    problem, sheet, first = found.problem, found.baseline.sheet, int(np.argmax(found.of_sheet))
     laws = [cast("MotionTerm", table.term) for table in problem.tables.values()]
     for place, fit in enumerate(best.fits):
         if not fit.candidate.whole or not cast("MotionTerm", fit.candidate).comes_late:
@@ -173,11 +179,17 @@ def other_lateness(best: TermSet, problem: TermProblem) -> Iterator[tuple[TermFi
             fit_term(rest.problem, law)
             for law in laws
             if law.comes_late and law.whole and not law.between
-            if law.place == fit.place and law.identifier != fit.identifier
+            if law.place == fit.place and law.key != fit.candidate.key
         ]
-        nearest = max((other for other in others if other.admissible), key=lambda other: other.gain, default=None)
-        if nearest and nearest.gain > LATE_NEAR * fit_term(rest.problem, fit.candidate).gain:
-            yield (*best.fits[:place], nearest, *best.fits[place + 1 :])
+        named = fit_term(rest.problem, fit.candidate)
+        least = LATE_NEAR * named.gain
+        near = sorted((o for o in others if o.admissible and o.gain > least), key=lambda other: other.gain)
+        rows = _rows_of_skews(found, fit.candidate)
+        skews = np.r_[sheet.off(found.baseline.values)[rows - first], (rest.problem.left - named.seen)[rows]]
+        opposed = bool(np.any(np.abs(skews) > OPPOSED))
+        nearest = {o.identifier: o for o in near if opposed or o.identifier != fit.identifier}
+        for other in nearest.values():
+            yield (*best.fits[:place], other, *best.fits[place + 1 :])
 
 
 def _without(best: TermSet, place: int, problem: TermProblem) -> TermSet:
@@ -233,12 +245,17 @@ def _opposed(found: MotionEvidence, candidate: Term[Any]) -> bool:
     term = cast("MotionTerm", candidate)
     if not (term.comes_late and term.whole):
         return False
-    skews = [found.baseline.sheet.at(name) for name in term.mimicked_by]
-    known = found.baseline.sheet.known
-    rows = np.flatnonzero(found.of_sheet)[: len(known)][np.isin(known, skews)]
+    rows = _rows_of_skews(found, term)
     before = term.sense * found.problem.left
     after = before - term.sense * fit_term(found.problem, term).seen
     return bool(np.any((before[rows] > -OPPOSED) & (after[rows] > OPPOSED)))
+
+
+def _rows_of_skews(found: MotionEvidence, term: Term[Any]) -> npt.NDArray[np.int64]:
+    """Rows of the data sheet for the skews that a delay or lag is taken for."""
+    sheet = found.baseline.sheet
+    skews = [sheet.at(name) for name in cast("MotionTerm", term).mimicked_by]
+    return np.flatnonzero(found.of_sheet)[: len(sheet.known)][np.isin(sheet.known, skews)]
 
 
 def columns_beside(found: MotionEvidence, fits: tuple[TermFit, ...]) -> Array:

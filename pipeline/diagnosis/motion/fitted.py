@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline, start_baseline
-from pmg.pipeline.diagnosis.motion.candidates.terms import torque_of_terms
+from pmg.pipeline.diagnosis.motion.candidates.beside import (
+    Heard,
+    amounts_of,
+    columns_with_known,
+    lags_of,
+    start_of,
+    terms_of,
+    torque_of_fits,
+    with_skews,
+)
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.families import slow_structures, zeros_in_time
 from pmg.pipeline.diagnosis.motion.loss_curve import falls_of
@@ -21,17 +30,15 @@ from pmg.pipeline.diagnosis.motion.noise.steps_anew import COUNTED, off_by_steps
 from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
-from pmg.pipeline.motion.lag import Lag
 from pmg.pipeline.motion.senses import check_senses
 from pmg.pipeline.motion.smooth import smooth
 from pmg.sim.errors import FitError
 from pmg.sim.shafts import SIDES, per_shaft
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Mapping
 
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
-    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
     from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise
     from pmg.pipeline.diagnosis.motion.noise.turn_origins import TurnOrigins
@@ -39,7 +46,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
     from pmg.sim.shafts import PerShaft
-    from pmg.sim.signals import Array, Spectrum
+    from pmg.sim.signals import Array
 
 CLEANINGS = 2
 """Times the constants are fitted, each time with columns freed from the noise that the fit before showed."""
@@ -185,28 +192,28 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
     """
 
     def extra(clean: MotionBaseline) -> list[Array]:
-        return [np.hstack([_term(fit).columns_on(view, fit.shape) for fit in fits]) for view in views_of(clean)]
+        return [columns_with_known(view, fits) for view in views_of(clean)]
 
-    white = _whitener(noise)
+    white, (_, spread) = _whitener(noise), start_of(fits)
     found, covariance = _apart(start, fits), np.zeros((0, 0))
     if not start.instruments:
         found = _with_masses_of_sheet(found, white)
     for _ in range(CLEANINGS if fits or not start.instruments else 1):
-        found, covariance = fit_baseline(found, white, extra if fits else None)
-        torque = partial(_torque, fits=fits, amounts=(amounts := amounts_of(found, fits)))
-        if any(_term(fit).of_transducer for fit in fits):
+        found, covariance = fit_baseline(found, white, extra if fits else None, spread)
+        torque = partial(torque_of_fits, fits=fits, amounts=(amounts := amounts_of(found, fits)))
+        if any(term.of_transducer for term in terms_of(fits)):
             found = with_faults(found, torque(found.clean, which=lambda term: term.of_transducer))
         noisy, clean = MotionBaseline(found.sheet, found.values, found.stretches), found.clean
         if found.lags:
             shown, meant = (torque(signals, which=lambda term: term.is_lag) for signals in (noisy, clean))
             found = replace(found, of_noise=tuple(map(np.subtract, shown, meant)))
-        if any(_term(fit).hears for fit in fits):
+        if any(term.hears for term in terms_of(fits)):
             heard = torque(noisy, which=lambda term: term.hears is not None)
             others = torque(clean, which=lambda term: term.hears is None)
-            found = with_instruments(found, tuple(map(np.add, heard, others)), _Heard(fits, amounts))
+            found = with_instruments(found, tuple(map(np.add, heard, others)), Heard(fits, amounts))
         else:
             found = with_instruments(found)
-    return replace(found, sheet=start.sheet), covariance
+    return replace(with_skews(found, fits), sheet=start.sheet), covariance
 
 
 def _whitener(noise: list[RowNoise]) -> Callable[[int, Array], Array]:
@@ -240,61 +247,15 @@ def _held(sheet: DataSheet, names: tuple[str, ...]) -> DataSheet:
 def _apart(start: MotionBaseline, fits: tuple[TermFit, ...]) -> MotionBaseline:
     """Baseline to start from, a faulty transducer's skew set to its data sheet, so that the fit can separate the two.
 
-    Beside a delay or a lag the skew is held there: it multiplies the slope of the measured torque and of its noise, and
-    together with a longer lag it would fit better than the true lag alone.
+    Beside a delay the skew is held there: it multiplies the slope of the measured torque and of its noise, and together
+    with a longer delay it would fit better than the true one alone. Beside a lag that is no delay it is an amplitude.
     """
     values = start.values.copy()
-    lags = tuple(lag for fit in fits for lag in _lags(fit))
-    late = tuple(name for f in fits if _term(f).comes_late and _term(f).whole for name in _term(f).mimicked_by)
-    for fit in fits:
-        if _term(fit).hears or _term(fit).comes_late:
-            for at in (start.sheet.at(f"skew_{side}") for side in _term(fit).sides):
+    late = [term for term in terms_of(fits) if term.comes_late]
+    held = tuple(name for term in late if term.whole for name in term.mimicked_by)
+    for term in terms_of(fits):
+        if term.hears or term.comes_late:
+            for at in (start.sheet.at(f"skew_{side}") for side in term.sides):
                 values[at] = start.sheet.expected[at]
-    return replace(start, sheet=_held(start.sheet, late), values=values, lags=lags)
-
-
-def _lags(fit: TermFit) -> Iterator[Lag]:
-    """The transducers that lag, if it is of them."""
-    if _term(fit).is_lag:
-        yield from (Lag(side, fit.shape, _term(fit).sharpness) for side in _term(fit).sides)
-
-
-class _Heard:
-    """What faults of transducers hold of the noise of the readings that they are made of.
-
-    Parameters
-    ----------
-    fits : tuple of TermFit
-        Mechanisms, faults of transducers among them.
-    amounts : list of (a,) array
-        Their amplitudes.
-    """
-
-    def __init__(self, fits: tuple[TermFit, ...], amounts: list[Array]) -> None:
-        self.parts = [(_term(fit), float(a[0]), fit.shape) for fit, a in zip(fits, amounts, strict=True)]
-
-    def __call__(self, side: str, rate: Spectrum) -> tuple[Spectrum | float, Spectrum | float]:
-        own: Spectrum | float = 0.0
-        other: Spectrum | float = 0.0
-        for term, amount, shape in self.parts:
-            if term.hears is not None and side in term.sides:
-                mine, theirs = term.hears(rate, shape)
-                own, other = own + amount * mine, other + amount * theirs
-        return own, other
-
-
-def amounts_of(found: MotionBaseline, fits: tuple[TermFit, ...]) -> list[Array]:
-    """Fitted amplitudes (a,) of each mechanism."""
-    return np.split(found.amounts, np.cumsum([len(fit.amplitudes) for fit in fits])[:-1])
-
-
-def _torque(
-    signals: MotionBaseline, fits: tuple[TermFit, ...], amounts: list[Array], which: Callable[[MotionTerm], bool]
-) -> tuple[Array, ...]:
-    """Torque of some of the mechanisms at the fine samples of each stretch [N m], from the signals of a baseline."""
-    parts = [(_term(fit), fit.shape, a) for fit, a in zip(fits, amounts, strict=True) if which(_term(fit))]
-    return tuple(torque_of_terms(view, parts) for view in views_of(signals))
-
-
-def _term(fit: TermFit) -> MotionTerm:
-    return cast("MotionTerm", fit.candidate)
+    amounts, _ = start_of(fits)
+    return replace(start, sheet=_held(start.sheet, held), values=values, amounts=amounts, lags=lags_of(fits))

@@ -10,6 +10,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import fit_term
 from pmg.pipeline.diagnosis.motion.constants import SKEW
+from pmg.pipeline.motion.lag import BUTTERWORTH
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim.shafts import SIDES
@@ -103,8 +104,8 @@ def fitted_size(
     remark = ""
     if term.whole:
         (quantity,), error = term.parameters[count:], math.sqrt(float(covariance[count, count]))
-        # A lag of the model is fitted together with a skew; the tolerance of the skew adds to the error of the lag.
-        error = math.hypot(error, SKEW) if term.comes_late and not term.hears else error
+        if term.sharpness >= BUTTERWORTH:
+            error = math.hypot(error, SKEW)  # it is fitted beside a skew that stays at its data sheet
         return FittedSize(
             quantity.name, float(values[count]), math.hypot(error, of_law), quantity.unit, of_law, poles=felt
         )

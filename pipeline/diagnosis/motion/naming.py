@@ -13,6 +13,7 @@ from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.forms import with_free_laws, with_look_alikes
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
+from pmg.pipeline.diagnosis.motion.candidates.beside import amounts_of
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.candidates.like_filter import unless_like_filter
 from pmg.pipeline.diagnosis.motion.candidates.mass_on_spring import on_spring
@@ -25,7 +26,7 @@ from pmg.pipeline.diagnosis.motion.catalogue import (
     without_opposed,
 )
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
-from pmg.pipeline.diagnosis.motion.fitted import amounts_of, fit_beside, noise_beside
+from pmg.pipeline.diagnosis.motion.fitted import fit_beside, noise_beside
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
@@ -124,7 +125,7 @@ def _against_other_lateness(
     """
     found, meant, naming = search
     left = math.nan
-    for fits in other_lateness(naming.best, meant.problem):
+    for fits in other_lateness(naming.best, meant):
         if math.isnan(left):
             left = _left_by(naming.best.fits, found) - MARGIN
         about = _beside_whole(replace(before, values=found.baseline.values), noise, fits)

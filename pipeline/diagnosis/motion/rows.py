@@ -28,6 +28,7 @@ from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
+    from pmg.pipeline.motion.lag import Lag
     from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft
     from pmg.sim.signals import Array, Mask
 
@@ -287,3 +288,11 @@ def linear_columns(state: RotorState) -> dict[str, Array]:
     if state.stretch.coupled:
         columns |= engaged_drag_columns(side, state.speed) | gear_columns(sheet, side, state.pole_angle, state.slip)
     return columns
+
+
+def later_of(lag: Lag, state: RotorState) -> Array:
+    """Change (n, 1) of what a transducer that lags shows per time by which it shows it later [N m/s]."""
+    if lag.side != state.stretch.side or state.stretch.at_rest:
+        return np.zeros((len(state.speed), 1))
+    rate = state.stretch.run.fine_rate
+    return -derivative(lag.of(state.coupling_torque[:, None], rate)[:, 0], rate)[:, None]
