@@ -8,15 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import TermFit
+from pmg.pipeline.diagnosis.motion.candidates.beside import lags_of
 from pmg.pipeline.diagnosis.motion.candidates.terms import torque_of_terms
 from pmg.pipeline.diagnosis.motion.fitted import HELD, fit_beside, fit_constants
+from pmg.pipeline.diagnosis.motion.rows import later_of
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.model.motion_model import NO_MODEL, digest_of
+from pmg.pipeline.motion.smooth import derivative
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
+    from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.pipeline.model.motion_model import MotionCause, MotionModel
+    from pmg.pipeline.motion.lag import Lag
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
     from pmg.sim.shafts import PerShaft
@@ -88,13 +93,24 @@ def apply_motion_model(
 def _without(about: MotionBaseline, causes: tuple[MotionCause, ...]) -> dict[str, PerShaft[Array]]:
     """Torques of the runs less what some causes add, by the name of the run."""
     found: dict[str, PerShaft[Array]] = {}
+    lags = lags_of(tuple(map(_as_fit, causes)))
     for view in views_of(about.clean):
         run = view.state.stretch.run
         before = found.get(run.run.name, run.run.torque)
         effect = torque_of_terms(view, ((each.term, each.shape, np.array(each.amplitudes)) for each in causes))
-        more: Array = np.interp(np.arange(len(before[view.side])) / run.run.rate, run.time, effect)
+        effect = effect + _lagging_later(view, lags)
+        time = np.arange(len(before[view.side])) / run.run.rate
+        more = np.interp(time, run.time, effect, left=np.nan, right=np.nan)  # beyond the fine samples it is not known
         found[run.run.name] = replace(before, **{view.side: before[view.side] - more})
     return found
+
+
+def _lagging_later(view: RotorView, lags: tuple[Lag, ...]) -> Array:
+    """What lags add to a torque that is late by the skew of its reading, beyond what they add to one in time (n,)."""
+    state = view.state
+    slope = derivative(state.coupling_torque, state.stretch.run.fine_rate)
+    own = (lag for lag in lags if lag.side == view.side and not view.at_rest)
+    return sum((view.skew * (slope + later_of(lag, state)[:, 0]) for lag in own), np.zeros(len(slope)))
 
 
 def _as_fit(cause: MotionCause) -> TermFit:

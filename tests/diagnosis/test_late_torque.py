@@ -384,7 +384,7 @@ def test_a_lag_that_is_long_in_the_band_is_told_with_its_time(order: str) -> Non
     assert math.sqrt(size.error**2 - size.of_law**2) < 0.5 * SKEW, "a lag that is long in the band is told from a skew"
 
 
-def _lagged(lag: float, seed: int = 100) -> tuple[MovingRun, ...]:
+def lagged_runs(lag: float, seed: int = 100) -> tuple[MovingRun, ...]:
     """Runs whose sun torque goes through a lag of the first order, exact for straight lines between its samples.
 
     Their torque comes half a sample after their angles: a rotor's angle is the sum of its speeds so far.
@@ -405,7 +405,7 @@ HALF_A_SAMPLE, TOLD_APART = 0.5 / RATE, 0.015
 @pytest.mark.parametrize("lag", [0.022, *(pytest.param(time, marks=slow) for time in (0.004, 0.012, 0.02, 0.04, 0.06))])
 def test_a_lag_of_any_size_is_named_beside_a_skew(lag: float) -> None:
     """Between tabled times its hill is narrow, and another one is of what compliance, skew and inertia take up."""
-    found = diagnose_motion("lagged", _lagged(lag), load_bench(), np.random.default_rng(0))
+    found = diagnose_motion("lagged", lagged_runs(lag), load_bench(), np.random.default_rng(0))
     assert found.verdict.names
     assert found.naming is not None
     assert found.naming.best.ids == {"transducer_bandwidth"}
@@ -419,7 +419,7 @@ def test_a_lag_of_any_size_is_named_beside_a_skew(lag: float) -> None:
 
 def test_a_lag_and_a_skew_are_told_from_each_other() -> None:
     """The slope of a torque as shown holds that of its noise: a skew made of it would undo a longer lag."""
-    before, _, noise = fit_constants(_lagged(0.02), load_bench())
+    before, _, noise = fit_constants(lagged_runs(0.02), load_bench())
     term = TERMS["transducer_bandwidth/sun/first order"]
     for start in (0.0195, 0.0205):
         fit = TermFit(term, 0.0, 0.0, np.zeros(0), (), np.ones(1), start)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.diagnosis.test_late_torque import lagged_runs
 from tests.diagnosis.test_motion import _campaign, _run, _with_torque
 
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
@@ -31,6 +33,8 @@ from pmg.sim.errors import BenchError, FitError
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from pmg.pipeline.motion.run import MovingRun
 
 LAG, SHORT = 0.02, 0.004
 CARRIED = tuple(name for name in sheet_of(load_bench(), 1, ()).names if not name.startswith(OWN))
@@ -112,6 +116,24 @@ def test_a_model_predicts_runs_that_it_has_not_seen() -> None:
     assert motion_model_of(second, cleared, model).causes == model.causes
     with pytest.raises(FitError, match="gear 2"):
         apply_motion_model(replace(model, gear=2), _campaign(42), bench)
+
+
+def test_a_lag_is_taken_out_of_a_reading_that_comes_late_besides() -> None:
+    """The reading is then what a transducer without the lag shows, half a sample after its angles as before."""
+    bench, over = load_bench(), np.ones(40) / 40.0
+    lag = MotionCause(TERMS["transducer_bandwidth/sun/first order"], (1.0,), LAG)
+    meant, shown = _campaign(100), lagged_runs(LAG, 100)
+    cleared, _ = apply_motion_model(MotionModel("a", 1, {}, (lag,)), shown, bench)
+    known = [np.flatnonzero(np.isfinite(run.torque.sun)) for run in cleared]
+    assert all(len(k) > 0.98 * len(run.torque.sun) for k, run in zip(known, shown, strict=True))
+
+    def off(runs: tuple[MovingRun, ...]) -> float:
+        apart = [a.torque.sun[k] - b.torque.sun[k] for a, b, k in zip(runs, meant, known, strict=True)]
+        return float(np.sqrt(np.mean(np.concatenate([np.convolve(each, over, "valid") for each in apart]) ** 2)))
+
+    noise = math.sqrt(2.0 / 40.0) * 0.012
+    assert off(shown) > 20.0 * noise
+    assert off(cleared) < 1.2 * noise
 
 
 def test_a_model_holds_what_its_runs_show_and_no_more() -> None:
