@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import TermFit
-from pmg.pipeline.diagnosis.motion.candidates.beside import lags_of
 from pmg.pipeline.diagnosis.motion.candidates.terms import torque_of_terms
 from pmg.pipeline.diagnosis.motion.fitted import HELD, fit_beside, fit_constants
 from pmg.pipeline.diagnosis.motion.rows import later_of
@@ -64,7 +63,9 @@ def apply_motion_model(
     Notes
     -----
     Where the poles stood at the start of a run, zeros and clocks are of the campaign and fitted to it; all else is the
-    model's. What a cause adds is worked out at the fine samples, whose band is wider than that of the rows. The twist
+    model's. What a cause adds is worked out at the fine samples, whose band is wider than that of the rows; before the
+    first and after the last of them the torque that it acts on is not known (NaN). A lag is taken out together with the
+    skew of its reading, which that is left with. The twist
     of a coupling is taken from what is left, so that a drag is off by some two hundredths of what it is.
 
     Raises
@@ -93,14 +94,14 @@ def apply_motion_model(
 def _without(about: MotionBaseline, causes: tuple[MotionCause, ...]) -> dict[str, PerShaft[Array]]:
     """Torques of the runs less what some causes add, by the name of the run."""
     found: dict[str, PerShaft[Array]] = {}
-    lags = lags_of(tuple(map(_as_fit, causes)))
     for view in views_of(about.clean):
         run = view.state.stretch.run
         before = found.get(run.run.name, run.run.torque)
         effect = torque_of_terms(view, ((each.term, each.shape, np.array(each.amplitudes)) for each in causes))
-        effect = effect + _lagging_later(view, lags)
+        effect = effect + _lagging_later(view, about.lags)
         time = np.arange(len(before[view.side])) / run.run.rate
-        more = np.interp(time, run.time, effect, left=np.nan, right=np.nan)  # beyond the fine samples it is not known
+        beyond = np.nan if effect.any() else 0.0  # what acts is known at the fine samples alone
+        more = np.interp(time, run.time, effect, left=beyond, right=beyond)
         found[run.run.name] = replace(before, **{view.side: before[view.side] - more})
     return found
 
@@ -109,8 +110,9 @@ def _lagging_later(view: RotorView, lags: tuple[Lag, ...]) -> Array:
     """What lags add to a torque that is late by the skew of its reading, beyond what they add to one in time (n,)."""
     state = view.state
     slope = derivative(state.coupling_torque, state.stretch.run.fine_rate)
+    skew = state.value(f"skew_{view.side}")
     own = (lag for lag in lags if lag.side == view.side and not view.at_rest)
-    return sum((view.skew * (slope + later_of(lag, state)[:, 0]) for lag in own), np.zeros(len(slope)))
+    return sum((skew * (slope + later_of(lag, state)[:, 0]) for lag in own), np.zeros(len(slope)))
 
 
 def _as_fit(cause: MotionCause) -> TermFit:

@@ -40,7 +40,7 @@ class Lag:
 
     @property
     def told_from_delay(self) -> bool:
-        """Whether it weakens waves in its band; one that does not is a delay, up to the third power of a frequency."""
+        """Whether it weakens waves in its band; one that does not is a delay, below the third power of a frequency."""
         return self.sharpness < BUTTERWORTH
 
     def of(self, torque: Array, rate: float) -> Array:

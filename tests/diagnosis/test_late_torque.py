@@ -37,9 +37,9 @@ from pmg.pipeline.diagnosis.motion.constants import SKEW, sheet_of
 from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
-from pmg.pipeline.diagnosis.motion.fitted import fit_beside, fit_constants
+from pmg.pipeline.diagnosis.motion.fitted import fit_beside, fit_constants, noise_beside
 from pmg.pipeline.diagnosis.motion.fitted_size import fitted_size
-from pmg.pipeline.diagnosis.motion.naming import _elsewhere
+from pmg.pipeline.diagnosis.motion.naming import _beside_whole, _elsewhere
 from pmg.pipeline.diagnosis.motion.noise.row_noise import RowNoise, SlowNoise
 from pmg.pipeline.diagnosis.motion.traces import effects_of, traces_of
 from pmg.pipeline.diagnosis.motion.view import RotorView
@@ -143,8 +143,8 @@ def test_a_lag_that_explains_most_of_what_a_delay_does_is_tried_in_its_place(
     assert [fit.candidate.key for fits in found for fit in fits] == [f"{lag}{nearest}"] * bool(nearest)
 
 
-def _about(problem: TermProblem, skew: float) -> MotionEvidence:
-    """Evidence about a skew of the sun's torque that is so many standard uncertainties off its data sheet."""
+def _about(problem: TermProblem, skew: float, beside: float = 0.0) -> MotionEvidence:
+    """Evidence about a skew of the sun's torque that is so many standard uncertainties off, `beside` it as fitted."""
     sheet = sheet_of(load_bench(), 1, ())
     values = sheet.expected.copy()
     values[sheet.at("skew_sun")] += skew * SKEW
@@ -153,19 +153,25 @@ def _about(problem: TermProblem, skew: float) -> MotionEvidence:
         key: replace(each, columns=np.pad(each.columns, ((0, rows), (0, 0), (0, 0))))
         for key, each in problem.tables.items()
     }
-    longer = TermProblem(
-        np.zeros((6 + rows, 0)), np.pad(problem.left, (0, rows)), lambda t, _: tables[t.key].columns[:, 0], tables
-    )
+    left = np.pad(problem.left, (0, rows))
+    left[6 + list(sheet.known).index(sheet.at("skew_sun"))] = beside
+    longer = TermProblem(np.zeros((6 + rows, 0)), left, lambda t, _: tables[t.key].columns[:, 0], tables)
     of_sheet = np.arange(6 + rows) >= 6
     found = SimpleNamespace(problem=longer, baseline=SimpleNamespace(sheet=sheet, values=values), of_sheet=of_sheet)
     return cast("MotionEvidence", found)
 
 
-@pytest.mark.parametrize(("skew", "tried"), [(0.0, False), (-2.5, False), (-14.0, True), (14.0, True)])
-def test_a_lag_that_a_skew_holds_up_is_held_against_one_of_another_order(skew: float, tried: bool) -> None:
+@pytest.mark.parametrize(
+    ("skew", "beside", "tried"),
+    [(0.0, 0.0, False), (-2.5, 2.5, False), (-14.0, 0.0, True), (14.0, 0.0, True), (0.0, 4.0, True), (0.0, -4.0, True)],
+)
+def test_a_lag_that_a_skew_holds_up_is_held_against_one_of_another_order(
+    skew: float, beside: float, tried: bool
+) -> None:
+    """The rows are about that skew, or such a one is beside the lag as it is fitted."""
     first, second = (f"transducer_bandwidth/sun/{order} order" for order in ("first", "second"))
-    problem = _in_a_plane({second: 0.0, first: 0.3, "channel_delay/sun/": 1.2})
-    about = _about(problem, skew)
+    problem = _in_a_plane({second: 0.0, first: 0.3, "channel_delay/sun/": 1.2, "channel_delay/sun/held": 1.2})
+    about = _about(problem, skew, beside)
     found = other_lateness(TermSet((fit_term(about.problem, TERMS[second]),), about.problem), about)
     assert [fit.candidate.key for fits in found for fit in fits] == [first] * tried
 
@@ -381,7 +387,7 @@ def test_a_lag_that_is_long_in_the_band_is_told_with_its_time(order: str) -> Non
     assert size.value == pytest.approx(0.030, rel=0.01)
     (told,) = motion_document(found)["mechanisms"][0]["parameters"]
     assert (told["name"], told["standard_error"]) == ("lag", pytest.approx(size.error, rel=1e-4))
-    assert math.sqrt(size.error**2 - size.of_law**2) < 0.5 * SKEW, "a lag that is long in the band is told from a skew"
+    assert found.size_errors[0][1] < 0.5 * SKEW, "a lag that is long in the band is told from a skew"
 
 
 def lagged_runs(lag: float, seed: int = 100) -> tuple[MovingRun, ...]:
@@ -410,7 +416,9 @@ def test_a_lag_of_any_size_is_named_beside_a_skew(lag: float) -> None:
     assert found.naming is not None
     assert found.naming.best.ids == {"transducer_bandwidth"}
     (size,) = found.fitted_sizes
-    assert abs(size.value - lag) < 3.0 * size.error + 0.003 * lag
+    noise = found.size_errors[0][-1]
+    assert abs(size.value - lag) < 3.0 * noise + 0.003 * lag
+    assert noise < (0.8 if lag > TOLD_APART else 1.01) * SKEW
     for name, true in (("inertia_sun", 0.00166), ("compliance_sun", 1.0 / 4000.0), ("skew_sun", HALF_A_SAMPLE)):
         at = found.before.sheet.at(name)
         if lag > TOLD_APART:
@@ -425,9 +433,24 @@ def test_a_lag_and_a_skew_are_told_from_each_other() -> None:
         fit = TermFit(term, 0.0, 0.0, np.zeros(0), (), np.ones(1), start)
         found, _ = fit_beside(before, noise, (fit,))
         assert float(found.amounts[0]) * start == pytest.approx(0.02, abs=1.5e-4)
-        assert found.values[found.sheet.at("skew_sun")] == pytest.approx(HALF_A_SAMPLE, abs=1.2e-4)
-        alone = [each.white(found.left(place)[:, None]) for place, each in enumerate(noise)]
-        assert np.mean(np.concatenate(alone) ** 2) < 1.0, "what is left is noise, the skew counted once"
+        skew = found.sheet.at("skew_sun")
+        assert found.values[skew] == pytest.approx(HALF_A_SAMPLE, abs=1.2e-4)
+        twice = replace(found, values=np.where(np.arange(len(found.values)) == skew, 2.0, 1.0) * found.values)
+        once, more = (
+            np.mean(
+                np.concatenate([n.white(each.left(k)[:, None]) for k, n in enumerate(noise_beside(found, noise))]) ** 2
+            )
+            for each in (found, twice)
+        )
+        assert once < 1.1 < 1.3 < more, "what is left is noise, the skew counted once"
+
+
+def test_a_lag_comes_back_from_four_times_its_time() -> None:
+    """Its time moves by a factor of two at most at a step; a time below nothing stays inside its bounds."""
+    before, _, noise = fit_constants(lagged_runs(0.02), load_bench())
+    fit = TermFit(TERMS["transducer_bandwidth/sun/first order"], 0.0, 0.0, np.zeros(0), (), np.ones(1), 0.08)
+    (lag,) = _beside_whole(before, noise, (fit,)).lags
+    assert lag.time == pytest.approx(0.02, rel=0.1)
 
 
 POLES: dict[float, list[complex]] = {

@@ -73,8 +73,8 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
         for place, fit in enumerate(fits):
             if not self._between(fit.candidate):
                 continue
-            whole = fit.candidate.whole
-            if place <= FIRST_OF_PAIRS or (whole and promised(problem, fit.candidate) > NEARLY * fits[0].gain):
+            may_gain = max(fit.gain, promised(problem, fit.candidate)) if fit.candidate.whole else 0.0
+            if place <= FIRST_OF_PAIRS or may_gain > NEARLY * fits[0].gain:
                 fits[place] = fit_term(problem, fit.candidate)
         return sorted(fits, key=lambda fit: -problem.score(fit))
 

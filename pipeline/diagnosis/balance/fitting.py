@@ -177,11 +177,10 @@ def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> T
     seen = problem.project(table.columns.reshape(m, g * a)).reshape(m, g, a)
     gains = _gains(seen, problem.left, term)
     best = int(np.argmax(gains))
-    starts = [shape for shape, _ in hills(seen[:, :, 0], problem.left, table.shapes)] if term.whole else []
-    if starts:
-        best = int(np.argmin(np.abs(np.log(table.shapes / starts[0]))))
     inner = min(max(best, 1), g - 2) if g > 2 and not term.one_of else best
     untold = best != inner and bool(gains[best] - gains[inner] < FLAT)
+    tops = hills(seen[:, :, 0], problem.left, table.shapes) if term.whole and refine else []
+    untold = untold and all(gain - gains[inner] < FLAT for _, gain in tops)
     best = inner if untold else best
     shape = float(table.shapes[best])
     if term.shape is not None and refine and not untold and not term.one_of:
@@ -190,8 +189,10 @@ def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> T
             own = problem.project(problem.columns_of(term, shape))
             return float(_gains(own[:, None, :], problem.left, term)[0])
 
-        climbed = (best_shape(gain_of, table.shapes, gains, start, even=term.even_grid) for start in starts or [shape])
+        starts = [start for start, _ in tops] or [shape]
+        climbed = (best_shape(gain_of, table.shapes, gains, start, even=term.even_grid) for start in starts)
         shape = max(climbed, key=lambda reached: reached[1])[0]
+        best = int(np.argmin(np.abs(table.shapes - shape)))
     tabled = term.shape is None or shape == table.shapes[best]
     whole = table.columns[:, best] if tabled else problem.columns_of(term, shape)
     seen = problem.project(whole)

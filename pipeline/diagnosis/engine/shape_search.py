@@ -26,7 +26,7 @@ NEAR = 128
 WORTH = 0.05
 """Gain [noise variances] that another shape must promise to be tried."""
 
-BETWEEN, HILLS, FEWEST = 8, 2, 4
+BETWEEN, HILLS, FEWEST_TABLED = 8, 2, 4
 """Shapes from one that is tabled to the next at which columns are read off a spline, hills that are climbed at most,
 and tabled shapes from which on there is a spline."""
 
@@ -79,11 +79,11 @@ def best_shape(
         known[PARTS // 2] = gain_of(shape_at(PARTS // 2))
     tried = part_of(start)
     for _ in range(TRIED):
-        if tried not in known:
-            known[tried] = gain_of(shape_at(tried))
-        tried = _next_part(known)
+        if tried in known:
+            tried = _next_part(known)
         if tried in known:
             break
+        known[tried] = gain_of(shape_at(tried))
     now = max(known, key=lambda part: known[part])
     return float(shapes[nearest]) if now == middle else shape_at(now), known[now]
 
@@ -106,7 +106,7 @@ def _next_part(known: dict[int, float]) -> int:
         return now
     away = 0.5 * (right**2 * fall_left - left**2 * fall_right) / bend
     higher = away**2 * bend / (left * right * (left + right))
-    if higher > WORTH:
+    if higher > WORTH and abs(away) >= 0.5:
         return min(max(round(now + away), low + 1), high - 1)
     if max(left, right) <= NEAR:
         return now
@@ -131,7 +131,7 @@ def hills(columns: Array, left: Array, shapes: Array) -> list[tuple[float, float
     than the step of the grid, and another one stands beside what constants take up. Columns change smoothly from one
     tabled shape to the next, so that a spline through them gives the gain in between.
     """
-    if len(shapes) < FEWEST:
+    if len(shapes) < FEWEST_TABLED:
         return []
     fine, weights = _spline(tuple(shapes.tolist()))
     gains = 2.0 * weights @ (columns.T @ left) - np.einsum("fg,gh,fh->f", weights, columns.T @ columns, weights)

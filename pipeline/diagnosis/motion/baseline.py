@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from pmg.pipeline.diagnosis.motion.constants import start_name
-from pmg.pipeline.diagnosis.motion.rows import held_beside, later_of, linear_columns, rotor_state, torque_of
+from pmg.pipeline.diagnosis.motion.rows import held_beside, linear_columns, rotor_state, torque_of
 from pmg.pipeline.diagnosis.motion.stance import encoder_columns, stance_columns
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class MotionBaseline:
     beside : tuple of (n,) array
         Torque that mechanisms beside the baseline make at the fine samples of each stretch [N m]; none where empty.
     amounts : (a,) array
-        Their amplitudes.
+        Their amplitudes; of a lag, its time over that for which it was worked out.
     lags : tuple of Lag
         Transducers that lag.
     of_noise : tuple of (n,) array
@@ -114,12 +114,9 @@ class MotionBaseline:
         slopes |= encoder_columns(state) | stance_columns(state)
         fine, found = np.stack(list(slopes.values()), 1), np.zeros((len(state.stretch), len(self.sheet)))
         of_torque = [not name.startswith(OF_READING) for name in slopes]
-        rate, skew = state.stretch.run.fine_rate, f"skew_{state.stretch.side}"
         for lag in self.lags:
             if lag.side == state.stretch.side and not state.stretch.at_rest:
-                fine[:, of_torque] = lag.of(fine[:, of_torque], rate)
-                if lag.told_from_delay:
-                    fine[:, [list(slopes).index(skew)]] = later_of(lag, state)
+                fine[:, of_torque] = lag.of(fine[:, of_torque], state.stretch.run.fine_rate)
         found[:, [self.sheet.at(name) for name in slopes]] = state.stretch.of_rows(fine)
         return found
 

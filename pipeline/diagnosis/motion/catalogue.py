@@ -187,7 +187,8 @@ def other_lateness(best: TermSet, found: MotionEvidence) -> Iterator[tuple[TermF
         rows = _rows_of_skews(found, fit.candidate)
         skews = np.r_[sheet.off(found.baseline.values)[rows - first], (rest.problem.left - named.seen)[rows]]
         opposed = bool(np.any(np.abs(skews) > OPPOSED))
-        nearest = {o.identifier: o for o in near if opposed or o.identifier != fit.identifier}
+        orders = opposed and cast("MotionTerm", fit.candidate).is_lag
+        nearest = {o.identifier: o for o in near if orders or o.identifier != fit.identifier}
         for other in nearest.values():
             yield (*best.fits[:place], other, *best.fits[place + 1 :])
 

@@ -179,7 +179,7 @@ def _start(
 
 
 def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit, ...]) -> tuple[MotionBaseline, Array]:
-    """The constants fitted beside some mechanisms, their shapes kept, and the covariance (k, k).
+    """The constants fitted beside some mechanisms, their shapes kept, and the covariance of all that is fitted.
 
     Parameters
     ----------
@@ -194,18 +194,20 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
     def extra(clean: MotionBaseline) -> list[Array]:
         return [columns_with_known(view, fits) for view in views_of(clean)]
 
-    white, (_, spread) = _whitener(noise), start_of(fits)
-    found, covariance = _apart(start, fits), np.zeros((0, 0))
+    white, (_, spread) = _whitener(noise), start_of(fits, start.sheet)
+    found, covariance = start, np.zeros((0, 0))
     if not start.instruments:
-        found = _with_masses_of_sheet(found, white)
+        found = _with_masses_of_sheet(_apart(start, fits), start.sheet, white)
     for _ in range(CLEANINGS if fits or not start.instruments else 1):
-        found, covariance = fit_baseline(found, white, extra if fits else None, spread)
+        apart = _apart(replace(found, sheet=start.sheet), fits)
+        found, covariance = fit_baseline(apart, white, extra if fits else None, spread)
         torque = partial(torque_of_fits, fits=fits, amounts=(amounts := amounts_of(found, fits)))
+        found = with_skews(found, fits)
         if any(term.of_transducer for term in terms_of(fits)):
             found = with_faults(found, torque(found.clean, which=lambda term: term.of_transducer))
         noisy, clean = MotionBaseline(found.sheet, found.values, found.stretches), found.clean
+        shown, meant = (torque(signals, which=lambda term: term.is_lag) for signals in (noisy, clean))
         if found.lags:
-            shown, meant = (torque(signals, which=lambda term: term.is_lag) for signals in (noisy, clean))
             found = replace(found, of_noise=tuple(map(np.subtract, shown, meant)))
         if any(term.hears for term in terms_of(fits)):
             heard = torque(noisy, which=lambda term: term.hears is not None)
@@ -213,7 +215,20 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
             found = with_instruments(found, tuple(map(np.add, heard, others)), Heard(fits, amounts))
         else:
             found = with_instruments(found)
-    return replace(with_skews(found, fits), sheet=start.sheet), covariance
+        if found.lags:
+            found = _with_noise_of_lags(found, shown, meant, torque(found.clean, which=lambda term: term.is_lag))
+    return replace(found, sheet=start.sheet), covariance
+
+
+def _with_noise_of_lags(
+    found: MotionBaseline, shown: tuple[Array, ...], before: tuple[Array, ...], now: tuple[Array, ...]
+) -> MotionBaseline:
+    """A baseline whose lags are made of signals freed from noise anew; what is left of its rows stays as it is.
+
+    `shown` is the torque (n,) of the lags with all noise, `before` and `now` with what the signals had and have of it.
+    """
+    beside = (b + n - m for b, n, m in zip(found.beside, now, before, strict=True))
+    return replace(found, beside=tuple(beside), of_noise=tuple(map(np.subtract, shown, now)))
 
 
 def _whitener(noise: list[RowNoise]) -> Callable[[int, Array], Array]:
@@ -223,14 +238,16 @@ def _whitener(noise: list[RowNoise]) -> Callable[[int, Array], Array]:
     return white
 
 
-def _with_masses_of_sheet(start: MotionBaseline, white: Callable[[int, Array], Array]) -> MotionBaseline:
+def _with_masses_of_sheet(
+    start: MotionBaseline, sheet: DataSheet, white: Callable[[int, Array], Array]
+) -> MotionBaseline:
     """A baseline with instruments, its inertias and springs still those of the data sheet.
 
     Where a campaign hardly accelerates, noise is most of what an acceleration shows, and an inertia fitted to it is too
     small by as much. And beside an inertia that is held and wrong, no other constant that bends the rows has a meaning.
     """
     found, _ = fit_baseline(replace(start, sheet=_held(start.sheet, BENDING)), white)
-    return with_instruments(replace(found, sheet=start.sheet))
+    return with_instruments(replace(found, sheet=sheet))
 
 
 def _held(sheet: DataSheet, names: tuple[str, ...]) -> DataSheet:
@@ -257,5 +274,5 @@ def _apart(start: MotionBaseline, fits: tuple[TermFit, ...]) -> MotionBaseline:
         if term.hears or term.comes_late:
             for at in (start.sheet.at(f"skew_{side}") for side in term.sides):
                 values[at] = start.sheet.expected[at]
-    amounts, _ = start_of(fits)
+    amounts, _ = start_of(fits, start.sheet)
     return replace(start, sheet=_held(start.sheet, held), values=values, amounts=amounts, lags=lags_of(fits))

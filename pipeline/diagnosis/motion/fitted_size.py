@@ -10,7 +10,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import fit_term
 from pmg.pipeline.diagnosis.motion.constants import SKEW
-from pmg.pipeline.motion.lag import BUTTERWORTH
+from pmg.pipeline.motion.lag import Lag
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim.shafts import SIDES
@@ -27,6 +27,10 @@ LIKELY_LAW = 0.5
 
 LIKELY_WHEN_LATE = 0.98
 """The same of what comes late, whose time the rows tell closely."""
+
+FORM_OF_LAG = 0.02
+"""Relative standard uncertainty of the time of a lag from its form: it is told from a skew by the second power of a
+frequency, to which sampling, its order and the damping of a coupling add a little."""
 
 IN_ALL = "in all"
 """Name of a size that is a sum."""
@@ -104,8 +108,11 @@ def fitted_size(
     remark = ""
     if term.whole:
         (quantity,), error = term.parameters[count:], math.sqrt(float(covariance[count, count]))
-        if term.sharpness >= BUTTERWORTH:
-            error = math.hypot(error, SKEW)  # it is fitted beside a skew that stays at its data sheet
+        if term.is_lag:
+            told = Lag(term.shaft, fit.shape, term.sharpness).told_from_delay
+            error = math.hypot(
+                error, FORM_OF_LAG * fit.shape if told else SKEW
+            )  # else its skew stays on its data sheet
         return FittedSize(
             quantity.name, float(values[count]), math.hypot(error, of_law), quantity.unit, of_law, poles=felt
         )

@@ -13,7 +13,7 @@ from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.forms import with_free_laws, with_look_alikes
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
-from pmg.pipeline.diagnosis.motion.candidates.beside import amounts_of
+from pmg.pipeline.diagnosis.motion.candidates.beside import amounts_of, terms_of
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.candidates.like_filter import unless_like_filter
 from pmg.pipeline.diagnosis.motion.candidates.mass_on_spring import on_spring
@@ -43,8 +43,9 @@ SEARCH_STEPS = "causes", "constants beside the first cause"
 STRAIGHTENED = 4
 """Times at most that the rows are made straight about what leads, and the library is searched anew."""
 
-FOLLOWED, NEAR_ONE = 3, 0.02
-"""Times at most that the time of a delay or lag follows its amplitude, and how near to 1 that is near enough."""
+FOLLOWED, NEAR_ONE, AT_MOST = 3, 0.02, 2.0
+"""Times at most that the time of a delay or lag follows its amplitude, how near to 1 that is near enough, and by what
+factor it moves at most."""
 
 MOVED = 1.2
 """Factor on a delay or a lag from which on rows that are straight about the one are not about the other."""
@@ -132,7 +133,7 @@ def _against_other_lateness(
         other = motion_evidence(about, noise_beside(about, noise), library(), rng)
         unopposed = without_opposed(other)
         told = _searched(unopposed, MotionCatalogue())
-        if told.explained and _same(fits, told.best.fits) and (less := _left_by(told.best.fits, other)) < left:
+        if told.explained and _same_laws(fits, told.best.fits) and (less := _left_by(told.best.fits, other)) < left:
             search, left = (other, unopposed, told), less
     return search
 
@@ -153,7 +154,8 @@ def _followed(fit: TermFit, amount: float) -> TermFit:
     if not fit.candidate.whole or not cast("MotionTerm", fit.candidate).comes_late or abs(amount - 1.0) < NEAR_ONE:
         return fit
     low, high = fit.candidate.parameters[-1].bounds
-    return replace(fit, shape=float(np.clip(amount * fit.shape, low, high)))
+    moved = np.clip(amount, 1.0 / AT_MOST, AT_MOST) * fit.shape
+    return replace(fit, shape=float(np.clip(moved, low, high)))
 
 
 def _left_by(fits: tuple[TermFit, ...], about: MotionEvidence) -> float:
@@ -184,6 +186,12 @@ def _exact(fits: tuple[TermFit, ...]) -> dict[tuple[str, str], float]:
 def _same(one: tuple[TermFit, ...], other: tuple[TermFit, ...]) -> bool:
     """Whether the same mechanisms lead in the same places."""
     return {(fit.identifier, fit.place) for fit in one} == {(fit.identifier, fit.place) for fit in other}
+
+
+def _same_laws(one: tuple[TermFit, ...], other: tuple[TermFit, ...]) -> bool:
+    """The same, and with lags of the same order."""
+    lags = [{term.key for term in terms_of(fits) if term.is_lag} for fits in (one, other)]
+    return _same(one, other) and lags[0] == lags[1]
 
 
 def _searched(meant: MotionEvidence, catalogue: MotionCatalogue) -> TermNaming:

@@ -9,7 +9,6 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import shape_step
 from pmg.pipeline.diagnosis.motion.candidates.terms import torque_of_terms
-from pmg.pipeline.diagnosis.motion.constants import SKEW
 from pmg.pipeline.diagnosis.motion.rows import later_of
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.motion.lag import Lag
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.constants import DataSheet
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array, Spectrum
 
@@ -44,31 +44,45 @@ def columns_with_known(view: RotorView, fits: tuple[TermFit, ...]) -> Array:
             longer = (term.columns_on(view, high) - term.columns_on(view, low)) * fit.shape / (high - low)
             known, own = known + own - longer, longer
         columns.append(own)
-    return np.hstack([*columns, *(later_of(lag, view.state) for lag in lags_of(fits) if lag.told_from_delay), known])
+    return np.hstack([*columns, *(later_of(lag, view.state) for lag in _lags_with_skews(fits)), known])
 
 
-def start_of(fits: tuple[TermFit, ...]) -> tuple[Array, Array]:
+def start_of(fits: tuple[TermFit, ...], sheet: DataSheet) -> tuple[Array, Array]:
     """Amplitudes (a + l,) of mechanisms and of the skews of what lags, and standard uncertainties; infinite if free."""
     amplitudes = np.concatenate([np.zeros(0), *(fit.amplitudes for fit in fits)])
-    skews = sum(lag.told_from_delay for lag in lags_of(fits))
-    return np.pad(amplitudes, (0, skews)), np.r_[np.full(len(amplitudes), np.inf), np.full(skews, SKEW)]
+    skews = sheet.spread[_skews(fits, sheet)]
+    return np.pad(amplitudes, (0, len(skews))), np.r_[np.full(len(amplitudes), np.inf), skews]
 
 
 def amounts_of(found: MotionBaseline, fits: tuple[TermFit, ...]) -> list[Array]:
-    """Fitted amplitudes (a,) of each mechanism; of a lag, its time over that of the fit."""
-    return np.split(found.amounts, np.cumsum([len(fit.amplitudes) for fit in fits]))[:-1]
+    """Fitted amplitudes (a,) of each mechanism; of a lag, its time over that of the fit, inside its bounds."""
+    amounts = np.split(found.amounts, np.cumsum([len(fit.amplitudes) for fit in fits]))[:-1]
+    for term, fit, own in zip(terms_of(fits), fits, amounts, strict=True):
+        if term.is_lag:
+            own[:] = np.clip(own * fit.shape, *term.parameters[-1].bounds) / fit.shape
+    return amounts
 
 
 def with_skews(found: MotionBaseline, fits: tuple[TermFit, ...]) -> MotionBaseline:
     """A baseline whose skews beside lags are constants again, and no amplitudes."""
-    lags = [lag for lag in lags_of(fits) if lag.told_from_delay]
-    if not lags:
-        return found
+    lags = _lags_with_skews(fits)
     amounts, skews = np.split(found.amounts, [len(found.amounts) - len(lags)])
     values = found.values.copy()
-    values[[found.sheet.at(f"skew_{lag.side}") for lag in lags]] += skews
-    later = [np.hstack([later_of(lag, view.state) for lag in lags]) @ skews for view in views_of(found.clean)]
+    values[_skews(fits, found.sheet)] += skews
+    if not lags:
+        return found
+    later = (np.hstack([later_of(lag, view.state) for lag in lags]) @ skews for view in views_of(found.clean))
     return replace(found, values=values, amounts=amounts, beside=tuple(map(np.subtract, found.beside, later)))
+
+
+def _lags_with_skews(fits: tuple[TermFit, ...]) -> list[Lag]:
+    """Lags that are told from a skew of their reading."""
+    return [lag for lag in lags_of(fits) if lag.told_from_delay]
+
+
+def _skews(fits: tuple[TermFit, ...], sheet: DataSheet) -> list[int]:
+    """Their skews among the constants."""
+    return [sheet.at(f"skew_{lag.side}") for lag in _lags_with_skews(fits)]
 
 
 def torque_of_fits(
