@@ -119,10 +119,11 @@ def _against_other_lateness(
     noise: list[RowNoise],
     rng: np.random.Generator,
 ) -> tuple[MotionEvidence, MotionEvidence, TermNaming]:
-    """The search, or one on rows about a lag in place of a delay, or the other way round, which leaves plainly less.
+    """The search, or one on rows about another way to be late in place of the leading one, which leaves plainly less.
 
-    Rows that are straight about a delay show a lag of the same time as less than it is: the constants beside the delay
-    took up what it did not explain. Each is therefore held against the other on rows of its own.
+    That is a lag for a delay, a delay for a lag, or a lag of another order. Rows that are straight about a delay show a
+    lag of the same time as less than it is: the constants beside the delay took up what it did not explain. Each is
+    therefore held against the other on rows of its own.
     """
     found, meant, naming = search
     left = math.nan

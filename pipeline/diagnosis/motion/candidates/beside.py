@@ -57,20 +57,20 @@ def start_of(fits: tuple[TermFit, ...], sheet: DataSheet) -> tuple[Array, Array]
 def amounts_of(found: MotionBaseline, fits: tuple[TermFit, ...]) -> list[Array]:
     """Fitted amplitudes (a,) of each mechanism; of a lag, its time over that of the fit, inside its bounds."""
     amounts = np.split(found.amounts, np.cumsum([len(fit.amplitudes) for fit in fits]))[:-1]
-    for term, fit, own in zip(terms_of(fits), fits, amounts, strict=True):
-        if term.is_lag:
-            own[:] = np.clip(own * fit.shape, *term.parameters[-1].bounds) / fit.shape
-    return amounts
+    return [
+        np.clip(own * fit.shape, *term.parameters[-1].bounds) / fit.shape if term.is_lag else own
+        for term, fit, own in zip(terms_of(fits), fits, amounts, strict=True)
+    ]
 
 
 def with_skews(found: MotionBaseline, fits: tuple[TermFit, ...]) -> MotionBaseline:
     """A baseline whose skews beside lags are constants again, and no amplitudes."""
     lags = _lags_with_skews(fits)
-    amounts, skews = np.split(found.amounts, [len(found.amounts) - len(lags)])
-    values = found.values.copy()
-    values[_skews(fits, found.sheet)] += skews
     if not lags:
         return found
+    amounts, skews = np.split(found.amounts, [-len(lags)])
+    values = found.values.copy()
+    values[_skews(fits, found.sheet)] += skews
     later = (np.hstack([later_of(lag, view.state) for lag in lags]) @ skews for view in views_of(found.clean))
     return replace(found, values=values, amounts=amounts, beside=tuple(map(np.subtract, found.beside, later)))
 
