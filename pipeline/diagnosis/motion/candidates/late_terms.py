@@ -199,4 +199,4 @@ def _transducer(place: str) -> Component:
 
 
 def _whose(place: str) -> str:
-    return "of both transducers" if place == BOTH else "of the transducer, of any size"
+    return "of both transducers" if place == BOTH else "of the transducer"
