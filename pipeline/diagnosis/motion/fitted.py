@@ -206,8 +206,8 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
         if any(term.of_transducer for term in terms_of(fits)):
             found = with_faults(found, torque(found.clean, which=lambda term: term.of_transducer))
         noisy, clean = MotionBaseline(found.sheet, found.values, found.stretches), found.clean
-        shown, meant = (torque(signals, which=lambda term: term.is_lag) for signals in (noisy, clean))
         if found.lags:
+            shown, meant = (torque(signals, which=lambda term: term.is_lag) for signals in (noisy, clean))
             found = replace(found, of_noise=tuple(map(np.subtract, shown, meant)))
         if any(term.hears for term in terms_of(fits)):
             heard = torque(noisy, which=lambda term: term.hears is not None)
