@@ -28,8 +28,8 @@ IN_THE_MAIN = 0.15
 """Part of the gain of a set that may be left where every part of the record names that set."""
 
 NEARLY = 0.5
-"""Part of the leading gain from which on a shape that is the size of its term is searched, wherever it stands: what it
-may gain between the values that are tabled is told by a spline through their columns."""
+"""Part of the leading gain from which on a shape that is the size of its term is searched, wherever it ranks. What it
+gains between tabled values is estimated by interpolating their columns."""
 
 TWIN = 0.999
 """Correlation of what two terms leave given everything else from which on a record cannot tell them apart."""
@@ -71,12 +71,16 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
         terms = [table.term for table in problem.tables.values() if table.term.identifier not in none_twice]
         fits = sorted((fit_term(problem, term, refine=False) for term in terms), key=lambda fit: -problem.score(fit))
         for place, fit in enumerate(fits):
-            if not self._between(fit.candidate):
-                continue
-            may_gain = max(fit.gain, promised(problem, fit.candidate)) if fit.candidate.whole else 0.0
-            if place <= FIRST_OF_PAIRS or may_gain > NEARLY * fits[0].gain:
+            if self._between(fit.candidate) and (
+                place <= FIRST_OF_PAIRS or _may_gain(problem, fit) > NEARLY * fits[0].gain
+            ):
                 fits[place] = fit_term(problem, fit.candidate)
         return sorted(fits, key=lambda fit: -problem.score(fit))
+
+
+def _may_gain(problem: TermProblem, fit: TermFit) -> float:
+    """Gain of a term at a tabled shape, or between them where its shape is its size; zero of other terms."""
+    return max(fit.gain, promised(problem, fit.candidate)) if fit.candidate.whole else 0.0
 
 
 @dataclass(frozen=True)

@@ -127,9 +127,9 @@ def hills(columns: Array, left: Array, shapes: Array) -> list[tuple[float, float
 
     Notes
     -----
-    Too long a delay explains less than none. Where it is far beyond the noise, the hill about the true one is narrower
-    than the step of the grid, and another one stands beside what constants take up. Columns change smoothly from one
-    tabled shape to the next, so that a spline through them gives the gain in between.
+    A delay that is too long explains less than none. Where the effect is far above the noise, the peak of the gain at
+    the true delay is narrower than a step of the grid; a second peak is where the constants explain most of it.
+    Columns change smoothly from one tabled shape to the next, so that a cubic spline interpolates them.
     """
     if len(shapes) < FEWEST_TABLED:
         return []

@@ -214,7 +214,7 @@ class _Linearised:
     of_sheet : (s, k + a) array
         The same of what is known.
     others : tuple of (n, a + 1) array
-        Columns beside the constants at the fine samples, the last of them known; none where empty.
+        Columns of mechanisms at the fine samples, the last one of amplitude 1; empty without mechanisms.
     covariance : (k + a, k + a) array
         Of constants and amplitudes.
     """

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import fit_term
+from pmg.pipeline.diagnosis.motion.candidates.beside import lags_of
 from pmg.pipeline.diagnosis.motion.constants import SKEW
-from pmg.pipeline.motion.lag import Lag
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim.shafts import SIDES
@@ -109,7 +109,7 @@ def fitted_size(
     if term.whole:
         (quantity,), error = term.parameters[count:], math.sqrt(float(covariance[count, count]))
         if term.is_lag:
-            told = Lag(term.shaft, fit.shape, term.sharpness).told_from_delay
+            told = lags_of((fit,))[0].told_from_delay
             error = math.hypot(
                 error, FORM_OF_LAG * fit.shape if told else SKEW
             )  # else its skew stays on its data sheet

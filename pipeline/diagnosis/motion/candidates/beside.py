@@ -1,4 +1,4 @@
-"""Mechanisms beside the constants of the bench: their columns, torques, lags, and what they hold of noise."""
+"""Mechanisms fitted together with the constants of the bench: their columns, torques, lags and measurement noise."""
 
 from __future__ import annotations
 
