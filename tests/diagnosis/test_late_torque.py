@@ -28,6 +28,7 @@ from pmg.pipeline.diagnosis.motion.candidates.late_terms import HELD, _lagging
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
 from pmg.pipeline.diagnosis.motion.catalogue import (
+    OPPOSED,
     MotionCatalogue,
     other_lateness,
     with_late_look_alikes,
@@ -210,6 +211,47 @@ def test_a_delay_is_held_against_a_lag_on_rows_of_its_own(
 
 
 @pytest.mark.parametrize(
+    ("skew", "leads", "left", "told"),
+    [
+        (3.5, "delay", 80.0, "delay"),
+        (-3.5, "delay", 80.0, "delay"),
+        (2.5, "delay", 80.0, "lag"),  # the skew is as its data sheet says
+        (3.5, "delay", 95.0, "lag"),  # by less than what tells two causes apart
+        (3.5, "lag", 80.0, "lag"),
+    ],
+)
+def test_a_lag_that_a_skew_holds_up_is_held_against_what_leads_beside_one_of_the_data_sheet(
+    skew: float, leads: str, left: float, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keys = {"delay": "channel_delay/sun/", "lag": "transducer_bandwidth/sun/second order"}
+    fits = {name: (TermFit(TERMS[key], 1.0, 1.0, np.zeros(1), (), np.ones(1), 0.01),) for name, key in keys.items()}
+    sheet = sheet_of(load_bench(), 1, ())
+    values = sheet.expected.copy()
+    values[sheet.at("skew_sun")] += skew * SKEW
+    first = SimpleNamespace(baseline=SimpleNamespace(sheet=sheet, values=values))
+    beside = []
+
+    def beside_whole(start: SimpleNamespace, _: list[RowNoise], fits: tuple[TermFit, ...]) -> SimpleNamespace:
+        beside.append((start.sheet.spread[sheet.at("skew_sun")] < SKEW, fits[0].identifier))
+        return start
+
+    monkeypatch.setattr(naming, "replace", lambda one, **changed: SimpleNamespace(**(vars(one) | changed)))
+    monkeypatch.setattr(naming, "_beside_whole", beside_whole)
+    monkeypatch.setattr(naming, "noise_beside", lambda _, noise: noise)
+    monkeypatch.setattr(naming, "motion_evidence", lambda about, *_: SimpleNamespace(baseline=about))
+    monkeypatch.setattr(naming, "without_opposed", lambda found: found)
+    monkeypatch.setattr(naming, "_searched", lambda *_: SimpleNamespace(best=SimpleNamespace(fits=fits[leads])))
+    monkeypatch.setattr(naming, "_left_by", lambda _, about: 100.0 if about is first else left)
+    before = SimpleNamespace(sheet=sheet, values=sheet.expected)
+    led = cast("Any", (first, first, SimpleNamespace(best=SimpleNamespace(fits=fits["lag"]))))
+    found, _, named = naming._against_skew_of_sheet(led, cast("Any", before), [], np.random.default_rng(0))
+    assert named.best.fits == fits[told]
+    assert found.baseline.sheet is sheet
+    tried = [(True, "transducer_bandwidth"), (False, "channel_delay")]
+    assert beside == tried[: 0 if abs(skew) < OPPOSED else 1 + (leads == "delay")]
+
+
+@pytest.mark.parametrize(
     ("before", "after", "moved"),
     [
         (("channel_delay/sun/", 0.010), ("channel_delay/sun/", 0.0115), False),
@@ -279,6 +321,7 @@ def test_leaders_that_do_not_settle_are_held_against_each_other(
     monkeypatch.setattr(naming, "_left_by", lambda *_: next(sums))
     monkeypatch.setattr(naming, "on_spring", lambda found, _: found)
     monkeypatch.setattr(naming, "_against_other_lateness", lambda search, *_: search)
+    monkeypatch.setattr(naming, "_against_skew_of_sheet", lambda search, *_: search)
     for name in (
         "with_free_laws",
         "with_look_alikes",
@@ -596,6 +639,18 @@ def _clean(seed: int) -> tuple[MovingRun, ...]:
     runs = tuple(measure_motion_case(lot.draw(), lot.rng("measure")))
     assert {run.rate for run in runs} == {MILLISECONDS}
     return runs
+
+
+@slow
+def test_a_delay_that_a_lag_and_its_skew_hide_is_in_the_set() -> None:
+    """A lag of the second order leads alone, and the skew beside it seven standard uncertainties off its data sheet."""
+    lot = draw_motion_lots(140, 20261130620)[76]
+    case = lot.draw()
+    assert [effect["id"] for effect in case.truth["effects"]] == ["channel_delay"]
+    runs = tuple(measure_motion_case(case, lot.rng("measure")))
+    found = diagnose_motion(case.campaign, runs, load_bench(), np.random.default_rng(0)).naming
+    assert found is not None
+    assert any("channel_delay" in each.ids for each in (found.best, *found.rivals))
 
 
 @slow

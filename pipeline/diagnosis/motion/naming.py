@@ -18,6 +18,7 @@ from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.candidates.like_filter import unless_like_filter
 from pmg.pipeline.diagnosis.motion.candidates.mass_on_spring import on_spring
 from pmg.pipeline.diagnosis.motion.catalogue import (
+    OPPOSED,
     MotionCatalogue,
     other_lateness,
     with_late_look_alikes,
@@ -26,7 +27,7 @@ from pmg.pipeline.diagnosis.motion.catalogue import (
     without_opposed,
 )
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
-from pmg.pipeline.diagnosis.motion.fitted import fit_beside, noise_beside
+from pmg.pipeline.diagnosis.motion.fitted import fit_beside, held, noise_beside
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
@@ -107,7 +108,8 @@ def name_causes(
         if explaining or not naming.explained:
             least = [each for each in explaining if len(each[1][2].best.fits) == fewest] or led
             _, (found, meant, naming) = min(least, key=lambda each: each[0])
-    found, meant, naming = _against_other_lateness((found, meant, naming), before, noise, rng)
+    search = _against_other_lateness((found, meant, naming), before, noise, rng)
+    found, meant, naming = _against_skew_of_sheet(search, before, noise, rng)
     naming = with_free_laws(naming, meant.problem, MotionCatalogue(), adequacy_test(meant.evidence))
     naming = with_late_look_alikes(without_held(with_look_alikes(naming, meant.problem)), meant.problem)
     return found, meant, on_spring(unless_like_filter(with_small_rest(naming, found), found), found)
@@ -137,6 +139,40 @@ def _against_other_lateness(
         if told.explained and _same_laws(fits, told.best.fits) and (less := _left_by(told.best.fits, other)) < left:
             search, left = (other, unopposed, told), less
     return search
+
+
+def _against_skew_of_sheet(
+    search: tuple[MotionEvidence, MotionEvidence, TermNaming],
+    before: MotionBaseline,
+    noise: list[RowNoise],
+    rng: np.random.Generator,
+) -> tuple[MotionEvidence, MotionEvidence, TermNaming]:
+    """The search, or one on rows whose skews are held on their data sheet, if what leads there leaves plainly less.
+
+    A skew far off its data sheet may hold up a lag in the place of a delay, and the rows then show no delay.
+    """
+    found, _, naming = search
+    opposed = _skews_opposed(found.baseline, naming.best.fits)
+    if not opposed:
+        return search
+    start = replace(before, values=found.baseline.values)
+    about = _beside_whole(replace(start, sheet=held(start.sheet, opposed)), noise, naming.best.fits)
+    other = motion_evidence(replace(about, sheet=start.sheet), noise_beside(about, noise), library(), rng)
+    unopposed = without_opposed(other)
+    told = _searched(unopposed, MotionCatalogue())
+    if not told.best.fits or _same_laws(naming.best.fits, told.best.fits):
+        return search
+    about = _beside_whole(replace(start, values=about.values), noise, told.best.fits)
+    beside = motion_evidence(about, noise_beside(about, noise), library(), rng)
+    less = _left_by(told.best.fits, beside) < _left_by(naming.best.fits, found) - MARGIN
+    return (other, unopposed, told) if less else search
+
+
+def _skews_opposed(about: MotionBaseline, fits: tuple[TermFit, ...]) -> tuple[str, ...]:
+    """Skews beside lags that are `OPPOSED` off their data sheet."""
+    off = np.abs(about.values - about.sheet.expected) > OPPOSED * about.sheet.spread
+    skews = (name for term in terms_of(fits) if term.is_lag for name in term.mimicked_by)
+    return tuple(name for name in skews if off[about.sheet.at(name)])
 
 
 def _beside_whole(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit, ...]) -> MotionBaseline:
