@@ -31,7 +31,8 @@ TAPS, NOTHING = 512, 1e-4
 and the weight, over the largest, below which it is taken for zero."""
 
 REGULAR, UNKNOWN = 1e-4, 1e6
-"""White part of the rows, over their largest variance, that keeps their covariance regular, and of a missing row."""
+"""White part of a row, over its own variance, that keeps their covariance regular; and of a missing one, over the
+largest variance. One shaft's noise may be a thousandth of the other's: a share of that would be taken for its own."""
 
 PASSES_FOR_NOISE = 3.0
 """Noise of a frequency, over its standard deviation, up to which a residual passes for noise: the rest is a cause."""
@@ -183,7 +184,8 @@ def _factor(run: SmoothRun, shows: Array, covariance: dict[tuple[int, int], Arra
             place = slice(first, first + (len(run) - lag) * count, count)
             banded[lag * count + second - first, place] = of_lag[: len(run) - lag, first, second, lag]
     largest = float(banded[0].max()) or 1.0
-    banded[0] += np.where(known.ravel(), REGULAR * largest, UNKNOWN * largest)
+    own = np.where(banded[0] > 0.0, banded[0], largest)
+    banded[0] += np.where(known.ravel(), REGULAR * own, UNKNOWN * largest)
     return np.asarray(cholesky_banded(banded, lower=True, check_finite=False))
 
 
