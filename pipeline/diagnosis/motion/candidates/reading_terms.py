@@ -53,6 +53,13 @@ def scale_terms(side: str) -> Iterator[MotionTerm]:
                 " that changes with the torque",
                 "curved",
             ),
+            (
+                signed(size, "difference", unit="1", most=0.2),
+                lambda v, _, of=torque: stack(of(v), np.abs(of(v))),
+                "k1 T + k2 |T|",
+                " that differs between the senses of the torque",
+                "sided",
+            ),
         ):
             yield term(
                 identifier,
