@@ -178,36 +178,43 @@ def test_a_lag_that_a_skew_holds_up_is_held_against_one_of_another_order(
 
 
 @pytest.mark.parametrize(
-    ("left", "leads", "explained", "told"),
+    ("left", "leads", "rival", "explained", "told", "open_"),
     [
-        (80.0, "lag", True, "lag"),
-        (95.0, "lag", True, "delay"),  # by less than what tells two causes apart
-        (80.0, "delay", True, "delay"),  # on its own rows something else leads
-        (80.0, "lag", False, "delay"),
+        (80.0, "lag", "", True, "lag", False),
+        (95.0, "lag", "", True, "delay", False),  # by less than what tells two causes apart
+        (80.0, "delay", "", True, "delay", False),  # on its own rows something else leads
+        (80.0, "delay", "lag", True, "delay", True),  # it does, and by less than what tells two causes apart
+        (80.0, "lag", "", False, "delay", False),
     ],
 )
 def test_a_delay_is_held_against_a_lag_on_rows_of_its_own(
-    left: float, leads: str, explained: bool, told: str, monkeypatch: pytest.MonkeyPatch
+    left: float, leads: str, rival: str, explained: bool, told: str, *, open_: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     keys = {"delay": "channel_delay/sun/", "lag": "transducer_bandwidth/sun/first order"}
     fits = {name: (TermFit(TERMS[key], 1.0, 1.0, np.zeros(1), (), np.ones(1), 0.01),) for name, key in keys.items()}
 
-    def search(name: str) -> SimpleNamespace:
-        return SimpleNamespace(best=SimpleNamespace(fits=fits[name]), explained=explained or name != leads, name=name)
+    def explanation(name: str) -> SimpleNamespace:
+        return SimpleNamespace(fits=fits[name], ids=frozenset(fit.identifier for fit in fits[name]))
+
+    def search(name: str, rival: str) -> SimpleNamespace:
+        rivals = (explanation(rival),) if rival else ()
+        return SimpleNamespace(best=explanation(name), rivals=rivals, explained=explained or name != leads, name=name)
 
     rows = SimpleNamespace(baseline=SimpleNamespace(values=np.zeros(1)), problem=None)
     first, other = (SimpleNamespace(**vars(rows), left=size) for size in (100.0, left))
     monkeypatch.setattr(naming, "other_lateness", lambda *_: iter([fits["lag"]]))
-    monkeypatch.setattr(naming, "replace", lambda before, **_: before)
+    monkeypatch.setattr(naming, "replace", lambda one, **changed: SimpleNamespace(**(vars(one) | changed)))
+    monkeypatch.setattr(naming, "explain_with", lambda *_: explanation("lag"))
     monkeypatch.setattr(naming, "_beside_whole", lambda *_: rows)
     monkeypatch.setattr(naming, "noise_beside", lambda _, noise: noise)
     monkeypatch.setattr(naming, "motion_evidence", lambda *_: other)
     monkeypatch.setattr(naming, "without_opposed", lambda found: found)
-    monkeypatch.setattr(naming, "_searched", lambda *_: search(leads))
+    monkeypatch.setattr(naming, "_searched", lambda *_: search(leads, rival))
     monkeypatch.setattr(naming, "_left_by", lambda _, about: about.left)
-    led = cast("Any", (first, first, search("delay")))
+    led = cast("Any", (first, first, search("delay", "")))
     *_, found = naming._against_other_lateness(led, cast("Any", rows), [], np.random.default_rng(0))
     assert cast("Any", found).name == told
+    assert [each.ids for each in found.rivals] == [{"transducer_bandwidth"}] * open_
 
 
 @pytest.mark.parametrize(

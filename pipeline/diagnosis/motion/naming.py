@@ -30,7 +30,7 @@ from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import fit_beside, held, noise_beside
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
+    from pmg.pipeline.diagnosis.balance.catalogue import TermNaming, TermSet
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
@@ -125,10 +125,11 @@ def _against_other_lateness(
 
     That is a lag for a delay, a delay for a lag, or a lag of another order. Rows that are straight about a delay show a
     lag of the same time as less than it is: the constants beside the delay took up what it did not explain. Each is
-    therefore held against the other on rows of its own.
+    therefore held against the other on rows of its own. What is a rival there of what leads is one of it altogether.
     """
     found, meant, naming = search
     left = math.nan
+    near: list[TermSet] = []
     for fits in other_lateness(naming.best, meant):
         if math.isnan(left):
             left = _left_by(naming.best.fits, found) - MARGIN
@@ -138,7 +139,12 @@ def _against_other_lateness(
         told = _searched(unopposed, MotionCatalogue())
         if told.explained and _same_laws(fits, told.best.fits) and (less := _left_by(told.best.fits, other)) < left:
             search, left = (other, unopposed, told), less
-    return search
+        elif _same_laws(naming.best.fits, told.best.fits) and any(_same(fits, rival.fits) for rival in told.rivals):
+            near.append(explain_with(meant.problem, MotionCatalogue(), [fit.candidate for fit in fits]))
+    if search[-1] is not naming:
+        return search
+    rivals = {rival.ids: rival for rival in (*near, *naming.rivals)}
+    return found, meant, replace(naming, rivals=tuple(rivals.values()))
 
 
 def _against_skew_of_sheet(
