@@ -246,11 +246,11 @@ def _with_masses_of_sheet(
     Where a campaign hardly accelerates, noise is most of what an acceleration shows, and an inertia fitted to it is too
     small by as much. And beside an inertia that is held and wrong, no other constant that bends the rows has a meaning.
     """
-    found, _ = fit_baseline(replace(start, sheet=held(start.sheet, BENDING)), white)
+    found, _ = fit_baseline(replace(start, sheet=_held(start.sheet, BENDING)), white)
     return with_instruments(replace(found, sheet=sheet))
 
 
-def held(sheet: DataSheet, names: tuple[str, ...]) -> DataSheet:
+def _held(sheet: DataSheet, names: tuple[str, ...]) -> DataSheet:
     """A data sheet that hardly lets constants move whose names begin so."""
     return replace(
         sheet,
@@ -269,10 +269,10 @@ def _apart(start: MotionBaseline, fits: tuple[TermFit, ...]) -> MotionBaseline:
     """
     values = start.values.copy()
     late = [term for term in terms_of(fits) if term.comes_late]
-    kept = tuple(name for term in late if term.whole for name in term.mimicked_by)
+    held = tuple(name for term in late if term.whole for name in term.mimicked_by)
     for term in terms_of(fits):
         if term.hears or term.comes_late:
             for at in (start.sheet.at(f"skew_{side}") for side in term.sides):
                 values[at] = start.sheet.expected[at]
     amounts, _ = start_of(fits, start.sheet)
-    return replace(start, sheet=held(start.sheet, kept), values=values, amounts=amounts, lags=lags_of(fits))
+    return replace(start, sheet=_held(start.sheet, held), values=values, amounts=amounts, lags=lags_of(fits))

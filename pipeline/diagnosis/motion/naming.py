@@ -18,7 +18,6 @@ from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.candidates.like_filter import unless_like_filter
 from pmg.pipeline.diagnosis.motion.candidates.mass_on_spring import on_spring
 from pmg.pipeline.diagnosis.motion.catalogue import (
-    OPPOSED,
     MotionCatalogue,
     other_lateness,
     with_late_look_alikes,
@@ -27,7 +26,7 @@ from pmg.pipeline.diagnosis.motion.catalogue import (
     without_opposed,
 )
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
-from pmg.pipeline.diagnosis.motion.fitted import fit_beside, held, noise_beside
+from pmg.pipeline.diagnosis.motion.fitted import fit_beside, noise_beside
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming, TermSet
@@ -108,8 +107,7 @@ def name_causes(
         if explaining or not naming.explained:
             least = [each for each in explaining if len(each[1][2].best.fits) == fewest] or led
             _, (found, meant, naming) = min(least, key=lambda each: each[0])
-    search = _against_other_lateness((found, meant, naming), before, noise, rng)
-    found, meant, naming = _against_skew_of_sheet(search, before, noise, rng)
+    found, meant, naming = _against_other_lateness((found, meant, naming), before, noise, rng)
     naming = with_free_laws(naming, meant.problem, MotionCatalogue(), adequacy_test(meant.evidence))
     naming = with_late_look_alikes(without_held(with_look_alikes(naming, meant.problem)), meant.problem)
     return found, meant, on_spring(unless_like_filter(with_small_rest(naming, found), found), found)
@@ -125,60 +123,38 @@ def _against_other_lateness(
 
     That is a lag for a delay, a delay for a lag, or a lag of another order. Rows that are straight about a delay show a
     lag of the same time as less than it is: the constants beside the delay took up what it did not explain. Each is
-    therefore held against the other on rows of its own. What is a rival there of what leads is one of it altogether.
+    therefore held against the other on rows of its own. One that leads there and leaves about as much, or is a rival
+    there of what leads, is a rival altogether.
     """
     found, meant, naming = search
-    left = math.nan
+    best, left = naming.best, math.nan
     near: list[TermSet] = []
-    for fits in other_lateness(naming.best, meant):
+    for fits in other_lateness(best, meant):
         if math.isnan(left):
-            left = _left_by(naming.best.fits, found) - MARGIN
+            left = least = _left_by(best.fits, found)
         about = _beside_whole(replace(before, values=found.baseline.values), noise, fits)
         other = motion_evidence(about, noise_beside(about, noise), library(), rng)
         unopposed = without_opposed(other)
         told = _searched(unopposed, MotionCatalogue())
-        if told.explained and _same_laws(fits, told.best.fits) and (less := _left_by(told.best.fits, other)) < left:
-            search, left = (other, unopposed, told), less
-        elif _same_laws(naming.best.fits, told.best.fits) and any(_same(fits, rival.fits) for rival in told.rivals):
+        leads = told.explained and _same_laws(fits, told.best.fits)
+        less = _left_by(told.best.fits, other) if leads else math.inf
+        if less < min(least, left - MARGIN):
+            search, least = (other, unopposed, told), less
+        elif not _same(best.fits, fits) and (
+            less < left + MARGIN
+            or (_same_laws(best.fits, told.best.fits) and any(_same_laws(fits, rival.fits) for rival in told.rivals))
+        ):
             near.append(explain_with(meant.problem, MotionCatalogue(), [fit.candidate for fit in fits]))
-    if search[-1] is not naming:
-        return search
-    rivals = {rival.ids: rival for rival in (*near, *naming.rivals)}
-    return found, meant, replace(naming, rivals=tuple(rivals.values()))
+    return search if search[-1] is not naming else (found, meant, _with_rivals(naming, near))
 
 
-def _against_skew_of_sheet(
-    search: tuple[MotionEvidence, MotionEvidence, TermNaming],
-    before: MotionBaseline,
-    noise: list[RowNoise],
-    rng: np.random.Generator,
-) -> tuple[MotionEvidence, MotionEvidence, TermNaming]:
-    """The search, or one on rows whose skews are held on their data sheet, if what leads there leaves plainly less.
-
-    A skew far off its data sheet may hold up a lag in the place of a delay, and the rows then show no delay.
-    """
-    found, _, naming = search
-    opposed = _skews_opposed(found.baseline, naming.best.fits)
-    if not opposed:
-        return search
-    start = replace(before, values=found.baseline.values)
-    about = _beside_whole(replace(start, sheet=held(start.sheet, opposed)), noise, naming.best.fits)
-    other = motion_evidence(replace(about, sheet=start.sheet), noise_beside(about, noise), library(), rng)
-    unopposed = without_opposed(other)
-    told = _searched(unopposed, MotionCatalogue())
-    if not told.best.fits or _same_laws(naming.best.fits, told.best.fits):
-        return search
-    about = _beside_whole(replace(start, values=about.values), noise, told.best.fits)
-    beside = motion_evidence(about, noise_beside(about, noise), library(), rng)
-    less = _left_by(told.best.fits, beside) < _left_by(naming.best.fits, found) - MARGIN
-    return (other, unopposed, told) if less else search
-
-
-def _skews_opposed(about: MotionBaseline, fits: tuple[TermFit, ...]) -> tuple[str, ...]:
-    """Skews beside lags that are `OPPOSED` off their data sheet."""
-    off = np.abs(about.values - about.sheet.expected) > OPPOSED * about.sheet.spread
-    skews = (name for term in terms_of(fits) if term.is_lag for name in term.mimicked_by)
-    return tuple(name for name in skews if off[about.sheet.at(name)])
+def _with_rivals(naming: TermNaming, near: list[TermSet]) -> TermNaming:
+    """An answer with further rivals, each as near as one that falls short by what tells two causes apart."""
+    rivals = {rival.ids: rival for rival in (*naming.rivals, *near)}
+    apart = max((naming.best.score - rival.score for rival in near), default=0.0)
+    scale = min(naming.evidence_scale, MARGIN / max(apart, MARGIN))
+    by_evidence = sorted(rivals.values(), key=lambda rival: -rival.score)
+    return replace(naming, rivals=tuple(by_evidence), evidence_scale=scale)
 
 
 def _beside_whole(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit, ...]) -> MotionBaseline:

@@ -32,7 +32,7 @@ and the weight, over the largest, below which it is taken for zero."""
 
 REGULAR, UNKNOWN = 1e-4, 1e6
 """White part of a row, over its own variance, that keeps their covariance regular; and of a missing one, over the
-largest variance. One shaft's noise may be a thousandth of the other's: a share of that would be taken for its own."""
+largest variance. That of one shaft's rows may be a thousandth of the other's, a share of which would hide it."""
 
 PASSES_FOR_NOISE = 3.0
 """Noise of a frequency, over its standard deviation, up to which a residual passes for noise: the rest is a cause."""

@@ -55,10 +55,10 @@ def scale_terms(side: str) -> Iterator[MotionTerm]:
             ),
             (
                 signed(size, "difference", unit="1", most=0.2),
-                lambda v, _, of=torque: stack(of(v), np.abs(of(v))),
-                "k1 T + k2 |T|",
+                lambda v, _, of=torque: stack(of(v), 0.5 * np.abs(of(v))),
+                "k T + dk/2 |T|",
                 " that differs between the senses of the torque",
-                "sided",
+                "by sense",
             ),
         ):
             yield term(
