@@ -202,7 +202,7 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
         apart = _apart(replace(found, sheet=start.sheet), fits)
         found, covariance = fit_baseline(apart, white, extra if fits else None, spread)
         torque = partial(torque_of_fits, fits=fits, amounts=(amounts := amounts_of(found, fits)))
-        found = with_skews(found, fits)
+        found = replace(with_skews(found, fits), lags=lags_of(fits, amounts))
         if any(term.of_transducer for term in terms_of(fits)):
             found = with_faults(found, torque(found.clean, which=lambda term: term.of_transducer))
         noisy, clean = MotionBaseline(found.sheet, found.values, found.stretches), found.clean

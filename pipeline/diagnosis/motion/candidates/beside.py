@@ -97,10 +97,11 @@ def torque_of_fits(
     return tuple(torque_of_terms(view, parts) for view in views_of(signals))
 
 
-def lags_of(fits: tuple[TermFit, ...]) -> tuple[Lag, ...]:
-    """The transducers that lag."""
-    lagging = ((term, fit.shape) for term, fit in zip(terms_of(fits), fits, strict=True) if term.is_lag)
-    return tuple(Lag(side, time, term.sharpness) for term, time in lagging for side in term.sides)
+def lags_of(fits: tuple[TermFit, ...], amounts: list[Array] | None = None) -> tuple[Lag, ...]:
+    """The transducers that lag, by the times of the fits or by those that fitted amplitudes ask for."""
+    of_fit = [1.0 if amounts is None else float(amounts[place][0]) for place in range(len(fits))]
+    lagging = zip(terms_of(fits), fits, of_fit, strict=True)
+    return tuple(Lag(s, a * fit.shape, term.sharpness) for term, fit, a in lagging if term.is_lag for s in term.sides)
 
 
 class Heard:
