@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from tests.diagnosis.test_motion_columns import short_baseline
+from tests.slow import slow
 
+from pmg.pipeline.diagnosis.balance.fitting import TermFit
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
+from pmg.pipeline.diagnosis.motion.candidates.beside import torque_of_fits
+from pmg.pipeline.diagnosis.motion.candidates.library import library
+from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
+from pmg.pipeline.diagnosis.motion.fitted import _stiffer
 from pmg.pipeline.diagnosis.motion.regressors import REGULAR, _factor, _of_noises, _taps, with_instruments
 from pmg.pipeline.motion.angle_noise import EVEN, AngleNoise, NoiseCourse
 from pmg.pipeline.motion.quantisation import NO_ERROR
 from pmg.pipeline.motion.smooth import PER_ROW, SmoothRun, SmoothShaft, derivative
+from pmg.pipeline.trials.motion.nature import measure_motion_case
+from pmg.pipeline.trials.score.case_list import draw_motion_lots
+from pmg.sim.bench import load_bench
 from pmg.sim.shafts import PerShaft, per_shaft
 from pmg.sim.signals import Array
 
@@ -103,6 +114,32 @@ def test_both_balances_of_a_run_have_the_covariance_that_its_noises_make(
         expected[np.ix_(others, others)] / np.outer(size, size),
         atol=3.0 * REGULAR,
     )
+
+
+def test_a_mechanism_makes_the_magnetic_spring_stiffer_by_its_slope(baseline: MotionBaseline) -> None:
+    """In engaged stretches alone; a third wave of the map is three times as steep as it is high."""
+    (term,) = (term for term in library() if term.key == "torque_map_harmonic/both/")
+    fit = TermFit(term, 1.0, 1.0, np.zeros(1), (), np.array([0.1]), 0.0)
+    torque = partial(torque_of_fits, fits=(fit,), amounts=[fit.amplitudes])
+    for stretch, state, more in zip(baseline.stretches, baseline.states, _stiffer(baseline.clean, torque), strict=True):
+        poles = baseline.sheet.poles[stretch.side]
+        slope = 0.3 * poles * float(np.mean(np.cos(3.0 * state.pole_angle)))
+        assert more == pytest.approx(slope if stretch.coupled else 0.0, rel=1e-3, abs=1e-9)
+
+
+@slow
+def test_a_strong_wave_of_the_map_is_named_though_its_torque_holds_noise_of_the_angles() -> None:
+    """A trial campaign with a third wave of more than a quarter of the pull-out torque."""
+    lot = draw_motion_lots(240, 20261130710)[48]
+    case = lot.draw()
+    (effect,) = case.truth["effects"]
+    assert (effect["id"], effect["knobs"]["law"]) == ("torque_map_harmonic", "third")
+    runs = tuple(measure_motion_case(case, lot.rng("measure")))
+    found = diagnose_motion(case.campaign, runs, load_bench(), np.random.default_rng(0))
+    assert found.verdict is Verdict.NAMED
+    assert found.naming is not None
+    assert [fit.identifier for fit in found.naming.best.fits] == ["torque_map_harmonic"]
+    assert float(found.sizes[0][0]) == pytest.approx(effect["size"], rel=0.1)
 
 
 @pytest.mark.parametrize("coupled", [False, True])

@@ -60,7 +60,10 @@ class MotionBaseline:
     lags : tuple of Lag
         Transducers that lag.
     of_noise : tuple of (n,) array
-        Noise of the angles in the torque of the lags [N m]; `beside` is calculated from signals without noise.
+        Noise of the angles in the torque of mechanisms [N m]; `beside` is calculated from signals without noise.
+    stiffer : tuple of float
+        Torque on the rotor of each stretch per change of the pole angle that mechanisms beside the constants add to the
+        magnetic spring, on average over the run [N m/rad]; none where empty.
     origins : tuple of TurnOrigins
         By what runs were aligned whose counters begin their turns anew.
     """
@@ -73,6 +76,7 @@ class MotionBaseline:
     amounts: Array = field(default_factory=lambda: np.zeros(0))
     lags: tuple[Lag, ...] = ()
     of_noise: tuple[Array, ...] = ()
+    stiffer: tuple[float, ...] = ()
     origins: tuple[TurnOrigins, ...] = ()
 
     @cached_property
@@ -90,6 +94,10 @@ class MotionBaseline:
     def held(self) -> MotionBaseline:
         """The same constants on the readings of shafts that are held while others turn, these freed from noise."""
         return MotionBaseline(self.sheet, self.values, held_beside(self.clean.stretches))
+
+    def more_stiffness(self, place: int) -> float:
+        """What mechanisms add to the magnetic spring on the rotor of a stretch [N m/rad]."""
+        return self.stiffer[place] if self.stiffer else 0.0
 
     def predicted(self, place: int) -> Array:
         """Torque that the transducer of a stretch should show [N m], (n,)."""

@@ -19,7 +19,7 @@ from pmg.pipeline.diagnosis.motion.candidates.beside import (
     torque_of_fits,
     with_skews,
 )
-from pmg.pipeline.diagnosis.motion.constants import sheet_of
+from pmg.pipeline.diagnosis.motion.constants import sheet_of, start_name
 from pmg.pipeline.diagnosis.motion.families import slow_structures, zeros_in_time
 from pmg.pipeline.diagnosis.motion.loss_curve import falls_of
 from pmg.pipeline.diagnosis.motion.noise.aligned_turns import turn_origins
@@ -61,6 +61,9 @@ stiffness, which at 20 Hz is 0.15 squared for 3 N m s/rad on 2500 N m/rad."""
 
 HELD = 1e-3
 """Factor on the standard uncertainty of what is held."""
+
+POLE_STEP = 1e-4
+"""Change of the pole angle over which the stiffness of a mechanism is taken [rad]."""
 
 BENDING = ("inertia", "compliance", "coupling_loss", "pull_out", "skew")
 """Constants by which rows are no straight lines, as their names begin."""
@@ -203,11 +206,14 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
         found, covariance = fit_baseline(apart, white, extra if fits else None, spread)
         torque = partial(torque_of_fits, fits=fits, amounts=(amounts := amounts_of(found, fits)))
         found = replace(with_skews(found, fits), lags=lags_of(fits, amounts))
+        if any(term.bends_spring for term in terms_of(fits)):
+            found = replace(found, stiffer=_stiffer(found.clean, torque))
         if any(term.of_transducer for term in terms_of(fits)):
             found = with_faults(found, torque(found.clean, which=lambda term: term.of_transducer))
         noisy, clean = MotionBaseline(found.sheet, found.values, found.stretches), found.clean
-        if found.lags:
-            shown, meant = (torque(signals, which=lambda term: term.is_lag) for signals in (noisy, clean))
+        noisy_laws = any(term.of_noisy_angles for term in terms_of(fits))
+        if noisy_laws:
+            shown, meant = (torque(signals, which=lambda term: term.of_noisy_angles) for signals in (noisy, clean))
             found = replace(found, of_noise=tuple(map(np.subtract, shown, meant)))
         if any(term.hears for term in terms_of(fits)):
             heard = torque(noisy, which=lambda term: term.hears is not None)
@@ -215,17 +221,27 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
             found = with_instruments(found, tuple(map(np.add, heard, others)), Heard(fits, amounts))
         else:
             found = with_instruments(found)
-        if found.lags:
-            found = _with_noise_of_lags(found, shown, meant, torque(found.clean, which=lambda term: term.is_lag))
+        if noisy_laws:
+            now = torque(found.clean, which=lambda term: term.of_noisy_angles)
+            found = _with_noise_of_angles(found, shown, meant, now)
     return replace(found, sheet=start.sheet), covariance
 
 
-def _with_noise_of_lags(
+def _stiffer(clean: MotionBaseline, torque: Callable[..., tuple[Array, ...]]) -> tuple[float, ...]:
+    """What mechanisms add to the magnetic spring on each stretch, on average [N m/rad]; `torque` gives theirs."""
+    moved = clean.values.copy()
+    moved[[clean.sheet.at(start_name(s.run.run.name)) for s in clean.stretches if s.coupled]] += POLE_STEP
+    here, ahead = (torque(s, which=lambda term: term.bends_spring) for s in (clean, replace(clean, values=moved)))
+    return tuple(float(np.mean(a - b)) / POLE_STEP for a, b in zip(ahead, here, strict=True))
+
+
+def _with_noise_of_angles(
     found: MotionBaseline, shown: tuple[Array, ...], before: tuple[Array, ...], now: tuple[Array, ...]
 ) -> MotionBaseline:
-    """A baseline whose lags are made of signals freed from noise anew; what is left of its rows stays as it is.
+    """A baseline whose mechanisms are made of signals freed from noise anew; what is left of its rows stays as it is.
 
-    `shown` is the torque (n,) of the lags with all noise, `before` and `now` with what the signals had and have of it.
+    `shown` is the torque (n,) of those `of_noisy_angles` with all noise, `before` and `now` with what the signals had
+    and have of it.
     """
     beside = (b + n - m for b, n, m in zip(found.beside, now, before, strict=True))
     return replace(found, beside=tuple(beside), of_noise=tuple(map(np.subtract, shown, now)))

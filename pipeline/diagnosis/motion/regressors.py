@@ -202,7 +202,6 @@ def _mixing(baseline: MotionBaseline, places: list[int], rate: Spectrum, heard: 
     make, a transducer that lags shows less. The magnetic spring is as stiff as it is on average over the run.
     """
     sheet, values = baseline.sheet, baseline.values
-    peak = float(values[sheet.at("pull_out")])
     give = per_shaft(
         lambda side: (
             float(values[sheet.at(f"compliance_{side}")]) - float(values[sheet.at(coupling_loss_name(side))]) * rate
@@ -214,7 +213,8 @@ def _mixing(baseline: MotionBaseline, places: list[int], rate: Spectrum, heard: 
         own = state.stretch.side
         of_motor: dict[str, Spectrum] = {own: float(values[sheet.at(f"inertia_{own}")]) * rate**2}
         if state.stretch.coupled:
-            stiff = peak * float(np.mean(np.cos(state.pole_angle))) + float(values[sheet.at("slip_damping")]) * rate
+            spring = (float(np.mean(state.spring[0])) + baseline.more_stiffness(place)) / sheet.poles[own]
+            stiff = spring + float(values[sheet.at("slip_damping")]) * rate
             for side in SIDES:
                 of_motor[side] = of_motor.get(side, 0.0 * rate) + sheet.poles[own] * sheet.poles[side] * stiff
         for lag in baseline.lags:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.term import Quantity, Term
+from pmg.pipeline.diagnosis.motion.constants import MAP_WAVES, map_name
 from pmg.pipeline.diagnosis.motion.view import RotorView
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
@@ -118,6 +119,16 @@ class MotionTerm(Term[RotorView]):
     def is_lag(self) -> bool:
         """Whether it is a lag of any size, of the torque that the model predicts."""
         return not math.isnan(self.sharpness)
+
+    @property
+    def bends_spring(self) -> bool:
+        """Whether it is a torque by where the poles stand, as that of the magnetic spring is."""
+        return any(name in map(map_name, MAP_WAVES) for name in self.mimicked_by)
+
+    @property
+    def of_noisy_angles(self) -> bool:
+        """Whether it is made of the angles as the constants are: what is left of the rows then holds their noise."""
+        return self.is_lag or self.bends_spring
 
     @property
     def comes_late(self) -> bool:

@@ -151,7 +151,7 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     run, side = stretch.run, stretch.side
     quantisation = [np.zeros((len(stretch), 0))]
     inertia, peak = (float(baseline.values[sheet.at(name)]) for name in (f"inertia_{side}", "pull_out"))
-    spring = peak * sheet.poles[side] if stretch.coupled else 0.0
+    spring = peak * sheet.poles[side] + baseline.more_stiffness(place) if stretch.coupled else 0.0
     if spring and not stretch.at_rest:
         for of in SIDES:
             off = _quantisation_spread(stretch, run.shafts[of].angle_noise.quantisation)
