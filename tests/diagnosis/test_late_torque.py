@@ -117,6 +117,21 @@ def test_a_short_lag_is_a_rival_of_a_delay_where_a_plain_lag_is_one_and_of_one_t
     assert [rival.ids for rival in rivals] == [{"transducer_bandwidth"}] * alike
 
 
+@pytest.mark.parametrize(
+    ("explained", "apart", "alike"), [(True, 0.6, False), (False, 0.6, True), (False, 0.75, False)]
+)
+def test_a_lag_that_leaves_more_than_noise_is_told_from_no_delay_near_it(
+    apart: float, *, explained: bool, alike: bool
+) -> None:
+    """The delay explains the squared cosine of that angle [rad] of what the lag does."""
+    keys = "transducer_bandwidth/sun/second order", "channel_delay/sun/held"
+    problem = _in_a_plane(dict(zip(keys, (0.0, apart), strict=True)))
+    best = TermSet((fit := fit_term(problem, TERMS[keys[0]]),), problem.take_out(fit))
+    left = Remainder(1.0, 0.0, 0.0)
+    found = TermNaming(best, (), {"transducer_bandwidth": "sun"}, left, explained, True, (), ())
+    assert [rival.ids for rival in with_late_look_alikes(found, problem).rivals] == [{"channel_delay"}] * alike
+
+
 def _in_a_plane(angles: dict[str, float]) -> TermProblem:
     """Rows along a first axis, and laws at angles [rad] to it."""
     tables = {

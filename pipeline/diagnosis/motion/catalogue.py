@@ -124,7 +124,8 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
     Notes
     -----
     The expansion of a short lag comes as near to a delay as to the lag; it is a rival of a delay where a lag is, of
-    first or second order, and of a torque that is held, which is smoothed as by a lag.
+    first or second order, and of a torque that is held, which is smoothed as by a lag. One that leaves more than noise
+    is not the law, and is told from none that comes near it.
     """
     best = naming.best
     late = [place for place, fit in enumerate(best.fits) if cast("MotionTerm", fit.candidate).comes_late]
@@ -145,6 +146,7 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
             if not other.admissible or (law.between and not blurs and rival.ids not in found):
                 continue
             apart = FORM_MARGIN if SHARP in (law.variant, fit.candidate.variant) else LATE_ALIKE
+            apart = apart if naming.explained else 1.0 - LATE_NEAR
             as_much = other.gain > (1.0 - apart) * named.gain
             near = as_much or rival.score > best.score - MARGIN
             if near and (rival.ids not in found or rival.score > found[rival.ids].score):
