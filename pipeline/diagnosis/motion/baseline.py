@@ -60,10 +60,10 @@ class MotionBaseline:
     lags : tuple of Lag
         Transducers that lag.
     of_noise : tuple of (n,) array
-        Noise of the angles in the torque of mechanisms [N m]; `beside` is calculated from signals without noise.
+        Torque that mechanisms make of the noise of the angles [N m]; `beside` is made of signals freed from it.
     stiffer : tuple of float
-        Torque on the rotor of each stretch per change of the pole angle that mechanisms beside the constants add to the
-        magnetic spring, on average over the run [N m/rad]; none where empty.
+        Stiffness that mechanisms add to the magnetic spring on the rotor of each stretch, mean over the run [N m/rad];
+        empty where none does.
     origins : tuple of TurnOrigins
         By what runs were aligned whose counters begin their turns anew.
     """

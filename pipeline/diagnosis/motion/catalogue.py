@@ -124,8 +124,8 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem) -> TermNamin
     Notes
     -----
     The expansion of a short lag comes as near to a delay as to the lag; it is a rival of a delay where a lag is, of
-    first or second order, and of a torque that is held, which is smoothed as by a lag. One that leaves more than noise
-    is not the law, and is told from none that comes near it.
+    first or second order, and of a torque that is held, which is smoothed as by a lag. A law that leaves more
+    than noise is not the true one, and every law that comes near it is a rival.
     """
     best = naming.best
     late = [place for place, fit in enumerate(best.fits) if cast("MotionTerm", fit.candidate).comes_late]

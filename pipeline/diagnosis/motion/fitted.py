@@ -212,8 +212,9 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
             found = with_faults(found, torque(found.clean, which=lambda term: term.of_transducer))
         noisy, clean = MotionBaseline(found.sheet, found.values, found.stretches), found.clean
         noisy_laws = any(term.of_noisy_angles for term in terms_of(fits))
+        of_angles = partial(torque, which=lambda term: term.of_noisy_angles)
         if noisy_laws:
-            shown, meant = (torque(signals, which=lambda term: term.of_noisy_angles) for signals in (noisy, clean))
+            shown, meant = of_angles(noisy), of_angles(clean)
             found = replace(found, of_noise=tuple(map(np.subtract, shown, meant)))
         if any(term.hears for term in terms_of(fits)):
             heard = torque(noisy, which=lambda term: term.hears is not None)
@@ -222,8 +223,7 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
         else:
             found = with_instruments(found)
         if noisy_laws:
-            now = torque(found.clean, which=lambda term: term.of_noisy_angles)
-            found = _with_noise_of_angles(found, shown, meant, now)
+            found = _with_noise_of_angles(found, shown, meant, of_angles(found.clean))
     return replace(found, sheet=start.sheet), covariance
 
 

@@ -123,8 +123,8 @@ def _against_other_lateness(
 
     That is a lag for a delay, a delay for a lag, or a lag of another order. Rows that are straight about a delay show a
     lag of the same time as less than it is: the constants beside the delay took up what it did not explain. Each is
-    therefore held against the other on rows of its own. One that leads there and leaves about as much, or is a rival
-    there of what leads, is a rival altogether.
+    therefore held against the other on rows of its own. The other one is a rival of the answer if it leads on its own
+    rows and leaves about as much, or if it is a rival there.
     """
     found, meant, naming = search
     best, left = naming.best, math.nan
@@ -149,7 +149,7 @@ def _against_other_lateness(
 
 
 def _with_rivals(naming: TermNaming, near: list[TermSet]) -> TermNaming:
-    """An answer with further rivals, each as near as one that falls short by what tells two causes apart."""
+    """An answer with further rivals, the evidence scaled so that they fall short by no more than `MARGIN`."""
     rivals = {rival.ids: rival for rival in (*naming.rivals, *near)}
     apart = max((naming.best.score - rival.score for rival in near), default=0.0)
     scale = min(naming.evidence_scale, MARGIN / max(apart, MARGIN))

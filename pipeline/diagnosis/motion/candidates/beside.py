@@ -98,10 +98,10 @@ def torque_of_fits(
 
 
 def lags_of(fits: tuple[TermFit, ...], amounts: list[Array] | None = None) -> tuple[Lag, ...]:
-    """The transducers that lag, by the times of the fits or by those that fitted amplitudes ask for."""
-    of_fit = [1.0 if amounts is None else float(amounts[place][0]) for place in range(len(fits))]
-    lagging = zip(terms_of(fits), fits, of_fit, strict=True)
-    return tuple(Lag(s, a * fit.shape, term.sharpness) for term, fit, a in lagging if term.is_lag for s in term.sides)
+    """The transducers that lag, with the times of the fits, or with these times the fitted amplitudes (a,)."""
+    parts = zip(terms_of(fits), fits, amounts or [np.ones(1)] * len(fits), strict=True)
+    lagging = [(term, float(a[0]) * fit.shape) for term, fit, a in parts if term.is_lag]
+    return tuple(Lag(side, time, term.sharpness) for term, time in lagging for side in term.sides)
 
 
 class Heard:
