@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
+SIDES_YIELD = 5.0
+"""Torque at which a side of a play has given way by half, over the torque of its contact."""
+
+
 def _moved(view: RotorView, side: str, *moved: Array) -> Array:
     """Torque on a rotor if that of a side stands by an angle ahead of where it was thought to stand.
 
@@ -40,14 +44,16 @@ def _softer(side: str) -> Callable[[RotorView, float], Array]:
     return law
 
 
-def _yielding(side: str, angle_of: Callable[[Array, float, float], Array]) -> Callable[[RotorView, float], Array]:
-    """A rotor that lags by an angle made of the torque in its coupling by the shape, at a rate of samples."""
+def _yielding(side: str, *angles_of: Callable[[Array, float, float], Array]) -> Callable[[RotorView, float], Array]:
+    """A rotor that lags by angles made of the torque in its coupling by the shape, at a rate of samples."""
 
     def law(view: RotorView, shape: float) -> Array:
-        rate = view.state.stretch.run.fine_rate
-        angle = -angle_of(view.shaft_of(side).torque, shape, rate)
-        slope = derivative(angle, rate)
-        return stack(_moved(view, side, angle, slope, derivative(slope, rate)))
+        rate, found = view.state.stretch.run.fine_rate, []
+        for angle_of in angles_of:
+            angle = -angle_of(view.shaft_of(side).torque, shape, rate)
+            slope = derivative(angle, rate)
+            found.append(_moved(view, side, angle, slope, derivative(slope, rate)))
+        return stack(*found)
 
     return law
 
@@ -81,6 +87,12 @@ def _crossing(torque: Array, contact: float, _: float) -> Array:
     gone = np.where(crossing, (place - begins) / np.maximum(ends - begins, 1e-9), 0.0)
     side = np.sign(torque)
     return np.asarray(0.5 * (side[left] + (side[reached] - side[left]) * np.clip(gone, 0.0, 1.0) ** 2))
+
+
+def _pressed(torque: Array, contact: float, rate: float) -> Array:
+    """Part by which the side on which a rotor lies may still give way (n,), as an angle towards the middle."""
+    given_way = torque / (np.abs(torque) + SIDES_YIELD * contact)
+    return np.asarray(given_way - 2.0 * _crossing(torque, contact, rate))
 
 
 def coupling_terms(side: str) -> Iterator[MotionTerm]:
@@ -160,6 +172,21 @@ def play_terms(side: str) -> Iterator[MotionTerm]:
         mimicked_by=(f"compliance_{side}",),
         spreads=True,
         variant="crossed",
+        component=Component(f"{side}_coupling"),
+        shaft=side,
+    )
+
+    yield term(
+        "coupling_backlash",
+        "Play in the coupling that the rotor crosses freely, between sides that give way",
+        "-(J s2 + K p) ((b/2 - d) z(t) + d T/(|T| + 5 Tc))",
+        (*amount("play", "rad", 0.2), *amount("yield", "rad", 0.02)),
+        _yielding(side, _crossing, _pressed),
+        source=sources.BALANCE,
+        shape=Quantity("contact", "N m", (0.01, 0.5)),
+        mimicked_by=(f"compliance_{side}",),
+        spreads=True,
+        variant="padded",
         component=Component(f"{side}_coupling"),
         shaft=side,
     )

@@ -188,6 +188,22 @@ def rubbing_terms(side: str) -> Iterator[MotionTerm]:
         shaft=side,
     )
 
+    yield term(
+        "engaged_dry_friction",
+        "Dry friction in the engaged gear that is larger at low speed",
+        "M exp(-|w|/ws) sign(w)",
+        amount("friction", "N m", 1.0),
+        lambda v, speed: stack(v.direction * np.exp(-np.abs(v.speed) / speed)),
+        engaged_only=True,
+        source=sources.ARMSTRONG,
+        shape=Quantity("speed", "rad/s", (4.0, 150.0)),
+        mimicked_by=(dry_name(side),),
+        follows=(LawCovariate.SPEED, LawCovariate.LOAD),
+        variant="falling",
+        component=Component.MAGNETIC_GEAR,
+        shaft=side,
+    )
+
 
 def wave_terms(side: str) -> Iterator[MotionTerm]:
     """What comes back with every turn of a shaft."""
