@@ -69,14 +69,19 @@ def test_friction_that_falls_is_nothing_at_high_speed_and_whole_at_low(speed: fl
         (126, {"coupling_backlash/ring/padded"}),
         (195, {"gear_hysteresis/both/by rate", "lubricant_viscosity/ring/"}),
         (223, {"engaged_dry_friction/sun/falling"}),
+        (224, {"coupling_backlash/ring/crossed", "torque_zero_drift/sun/step"}),
     ],
 )
 def test_they_lead_in_campaigns_of_the_trial(number: int, keys: set[str]) -> None:
-    """Rounded play was not in the library or had a soft coupling beside it; the other two were not in the library."""
+    """Rounded play was not in the library or had a soft coupling beside it; the others were not in the library.
+
+    The play of the last one is shown by one dither alone, which leaves it open where it is withheld.
+    """
     lot = draw_motion_lots(240, 20261130710)[number]
     case = lot.draw()
     runs = tuple(measure_motion_case(case, lot.rng("measure")))
     found = diagnose_motion(case.campaign, runs, load_bench(), np.random.default_rng(0))
+    assert found.verdict.names
     assert found.naming is not None
     assert {cast("MotionTerm", fit.candidate).key for fit in found.naming.best.fits} == keys
     assert {effect["id"] for effect in case.truth["effects"]} == {key.split("/")[0] for key in keys}

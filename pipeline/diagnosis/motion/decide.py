@@ -10,7 +10,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
-from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, borne_out, conclude
+from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, borne_out, conclude, may_be
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 from pmg.pipeline.diagnosis.motion.candidates.library import library
@@ -176,13 +176,17 @@ def _proof(
     """Errors of a set of mechanisms on withheld kinds of run, or where those cannot tell, on withheld runs.
 
     What one kind of run alone shows, as friction right after a reversal, no other kind can predict; a set may be borne
-    out by runs nevertheless, where every part of them names it. None where there is too little to withhold.
+    out by runs nevertheless, where every part of them names it, and left open by them where it explains all. None where
+    there is too little to withhold.
     """
 
     def proves(held: HeldOut, best: Explanation[TermFit, TermProblem]) -> bool:
         if naming.explained:
             return held.predicts and held.shows(best.gain)
         return borne_out(MotionCatalogue(), naming, held)
+
+    def leaves_open(held: HeldOut, best: Explanation[TermFit, TermProblem]) -> bool:
+        return naming.explained and may_be(naming, held) and not proves(held, best)
 
     def prove(best: Explanation[TermFit, TermProblem]) -> HeldOut | None:
         def held(rows: WithheldRuns) -> HeldOut | None:
@@ -195,7 +199,7 @@ def _proof(
         if of_kinds is not None and (not naming.may_be_named or proves(of_kinds, best)):
             return of_kinds
         of_runs = held(by_run(found, best.fits, scatter))
-        if of_kinds is not None and (of_runs is None or of_runs.kept < 1.0):
+        if of_kinds is not None and (of_runs is None or (of_runs.kept < 1.0 and not leaves_open(of_runs, best))):
             return of_kinds
         return None if of_runs is None else replace(of_runs, of_a_kind=True)
 
