@@ -1,0 +1,69 @@
+"""Channels that are renewed more rarely than they are recorded, as over a field bus: held, they come late."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.recording.findings import Code
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pmg.pipeline.recording.findings import Findings
+    from pmg.sim.signals import Array
+
+FEWEST_RENEWALS = 50
+"""Renewals from which on their period is told."""
+
+SPREAD = 1.75
+"""Gaps between renewals, over the shortest, that are one period; longer ones hold several, where a value came twice."""
+
+OUT_OF_STEP = 0.01
+"""Part of the gaps that may be no multiple of the period to a sample."""
+
+LEAST_PERIOD = 1.9
+"""Samples from which on a channel counts as held."""
+
+
+def renewal_of(values: Array) -> float:
+    """Samples from one renewal of a channel (n,) to the next; 1 where it is renewed with every sample.
+
+    A value that is quantised stands still as well where it changes slowly, and a straight command then steps evenly,
+    by one step of its resolution each time: neither is held.
+    """
+    changes = np.diff(values)
+    at = np.flatnonzero(changes)
+    gaps, sizes = np.diff(at), np.abs(changes[at])
+    if len(gaps) < FEWEST_RENEWALS or float(np.median(sizes)) < SPREAD * float(sizes.min()):
+        return 1.0
+    shortest = float(np.quantile(gaps, OUT_OF_STEP))
+    period = float(np.mean(gaps[(gaps >= shortest) & (gaps <= SPREAD * shortest)]))
+    for _ in range(2):
+        count = np.maximum(np.round(gaps / period), 1.0)
+        period = float(gaps.sum() / count.sum())
+    off = np.abs(gaps - period * np.maximum(np.round(gaps / period), 1.0))
+    return period if period >= LEAST_PERIOD and float(np.mean(off >= 1.0)) <= OUT_OF_STEP else 1.0
+
+
+def tell_renewals(channels: Mapping[str, Array], time: Array, findings: Findings) -> None:
+    """Tell channels that are held from one renewal to the next.
+
+    Parameters
+    ----------
+    channels : mapping of str to (n,) array
+        Forces, torques and speeds as recorded.
+    time : (n,) array
+        Their times [s].
+    findings : Findings
+        Receives the period of each, and by how much it comes late on average.
+    """
+    step = float(np.median(np.diff(time)))
+    for name, values in channels.items():
+        if (period := renewal_of(values)) == 1.0:
+            continue
+        late = 0.5 * (period - 1.0) * step
+        message = f"it is renewed every {period:.3g} samples ({1e3 * period * step:.3g} ms) and held between"
+        do = f"Record it as often as the rest: held, it comes {1e3 * late:.3g} ms late on average, found as a delay."
+        findings.warning(Code.CHANNEL_VALUE, name, message, do)

@@ -1,0 +1,52 @@
+"""Channels that are held from one renewal to the next, told from those that stand still for another reason."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pmg.pipeline.diagnosis.balance.records.renewal import renewal_of, tell_renewals
+from pmg.pipeline.recording.findings import Findings
+
+SEED = st.integers(0, 999)
+
+
+def swinging(seed: int, count: int = 4000) -> np.ndarray:
+    """A torque that swings, with noise (n,) [N m]."""
+    rng, k = np.random.default_rng(seed), np.arange(count)
+    return np.sin(k / rng.uniform(20.0, 400.0)) + 0.01 * rng.standard_normal(count)
+
+
+@given(seed=SEED, period=st.floats(2.0, 40.0), phase=st.floats(0.0, 1.0))
+def test_the_period_of_a_held_channel_is_found(seed: int, period: float, phase: float) -> None:
+    k = np.arange(4000)
+    taken = np.clip(np.floor(np.floor(k / period + phase) * period - phase * period), 0, None).astype(int)
+    assert renewal_of(swinging(seed)[taken]) == pytest.approx(period, rel=0.02)
+
+
+@given(seed=SEED, period=st.integers(2, 20))
+def test_values_that_come_twice_leave_the_period(seed: int, period: int) -> None:
+    coarse = np.round(swinging(seed) * 400.0)
+    assert renewal_of(coarse[np.arange(4000) // period * period]) == pytest.approx(period, rel=0.02)
+
+
+@given(seed=SEED, steps=st.floats(1.0, 200.0))
+def test_a_channel_that_is_renewed_with_every_sample_is_not_held(seed: int, steps: float) -> None:
+    assert renewal_of(np.round(swinging(seed) * steps) / steps) == 1.0
+
+
+@given(slope=st.floats(0.01, 0.9), start=st.floats(0.0, 1.0))
+def test_a_straight_command_of_whole_steps_is_not_held(slope: float, start: float) -> None:
+    assert renewal_of(np.floor(start + slope * np.arange(4000))) == 1.0
+
+
+def test_it_is_told_with_its_delay() -> None:
+    k, findings = np.arange(4000), Findings("log.csv")
+    held = swinging(1)[k // 5 * 5]
+    tell_renewals({"M_motor": held, "M_brake": swinging(2)}, k / 500.0, findings)
+    (told,) = findings.listed()
+    assert told.where == "M_motor"
+    assert "every 5 samples (10 ms)" in told.message
+    assert "4 ms late" in told.do
