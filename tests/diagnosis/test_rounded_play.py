@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 TERMS = {term.key: term for term in library()}
-PLAY = TERMS["coupling_backlash/sun/padded"]
+PLAY = TERMS["coupling_backlash/sun/soft sides"]
 RATE = 250.0
 
 
@@ -65,8 +65,8 @@ def test_friction_that_falls_is_nothing_at_high_speed_and_whole_at_low(speed: fl
 @pytest.mark.parametrize(
     ("number", "keys"),
     [
-        (68, {"coupling_backlash/sun/padded"}),
-        (126, {"coupling_backlash/ring/padded"}),
+        (68, {"coupling_backlash/sun/soft sides"}),
+        (126, {"coupling_backlash/ring/soft sides"}),
         (195, {"gear_hysteresis/both/by rate", "lubricant_viscosity/ring/"}),
         (223, {"engaged_dry_friction/sun/falling"}),
         (224, {"coupling_backlash/ring/crossed", "torque_zero_drift/sun/step"}),

@@ -111,7 +111,7 @@ def conclude(
             naming = _with_parts(problem, catalogue, naming, held)
             verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
             return Conclusion(verdict=verdict, naming=naming, held_out=held)
-        if held is not None and catalogue.tells_weak and may_be(naming, held):
+        if held is not None and catalogue.tells_weak and left_open(naming, held):
             naming = _with_parts(problem, catalogue, naming, held)
             return Conclusion(verdict=Verdict.AMBIGUOUS, naming=naming, held_out=held, weak=True)
         if held is None and naming.explained:
@@ -150,7 +150,7 @@ def borne_out(catalogue: CandidateCatalogue[F, P], naming: Naming[F, P], held: H
     return in_the_main and held.kept == 1.0 and (held.predicts or unseen)
 
 
-def may_be(naming: Naming[F, P], held: HeldOut) -> bool:
+def left_open(naming: Naming[F, P], held: HeldOut) -> bool:
     """Whether withheld rows leave open what they do not bear out: they do not show it, or it predicts a part for sure.
 
     A part counts where nothing else is seen in what the set leaves, where it is worth as much on withheld rows as on

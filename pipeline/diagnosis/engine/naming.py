@@ -67,7 +67,7 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
     candidates closer than that are not separated.
     """
     ranking = catalogue.rank(problem)
-    singles = [Explanation((fit,), problem.take_out(fit)) for fit in _distinct(ranking)[: FIRST_OF_PAIRS + 3]]
+    singles = [Explanation((fit,), problem.take_out(fit)) for fit in ranking if fit.admissible][: FIRST_OF_PAIRS + 3]
     best = singles[0] if singles and singles[0].score > ENTRY else Explanation[F, P]((), problem)
     before = remainder_of(problem)
     rounds = [SearchRound(tuple(ranking), tuple(fit.identifier for fit in best.fits), before)]
@@ -133,16 +133,7 @@ def _enlarged(
 def _extended(catalogue: CandidateCatalogue[F, P], first: Explanation[F, P]) -> tuple[list[Explanation[F, P]], list[F]]:
     """The best ways to add one candidate to a set, and the ranking they are from."""
     ranking = catalogue.rank(first.problem, first.ids)
-    return [first.plus(fit) for fit in _distinct(ranking)[:FIRST_OF_PAIRS]], ranking
-
-
-def _distinct(ranking: list[F]) -> list[F]:
-    """The admissible fits of a ranking, of each mechanism on a place the best form: others would crowd out rivals."""
-    first: dict[tuple[str, str], F] = {}
-    for fit in ranking:
-        if fit.admissible:
-            first.setdefault((fit.identifier, fit.place), fit)
-    return list(first.values())
+    return [first.plus(fit) for fit in ranking[:FIRST_OF_PAIRS] if fit.admissible], ranking
 
 
 def _weak(

@@ -10,9 +10,9 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
-from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, borne_out, conclude, may_be
+from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, borne_out, conclude, left_open
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
-from pmg.pipeline.diagnosis.engine.withheld import withhold
+from pmg.pipeline.diagnosis.engine.withheld import STEADY, withhold
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.candidates.like_filter import scatter_beside
 from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, columns_beside
@@ -185,8 +185,10 @@ def _proof(
             return held.predicts and held.shows(best.gain)
         return borne_out(MotionCatalogue(), naming, held)
 
-    def leaves_open(held: HeldOut, best: Explanation[TermFit, TermProblem]) -> bool:
-        return naming.explained and may_be(naming, held) and not proves(held, best)
+    def runs_leave_open(of_runs: HeldOut, of_kinds: HeldOut, best: Explanation[TermFit, TermProblem]) -> bool:
+        explains = naming.explained and naming.in_the_main and not naming.weak
+        shown = of_runs.tells and of_runs.kept >= STEADY and left_open(naming, of_runs) and not proves(of_runs, best)
+        return explains and shown and not left_open(naming, of_kinds)
 
     def prove(best: Explanation[TermFit, TermProblem]) -> HeldOut | None:
         def held(rows: WithheldRuns) -> HeldOut | None:
@@ -199,7 +201,9 @@ def _proof(
         if of_kinds is not None and (not naming.may_be_named or proves(of_kinds, best)):
             return of_kinds
         of_runs = held(by_run(found, best.fits, scatter))
-        if of_kinds is not None and (of_runs is None or (of_runs.kept < 1.0 and not leaves_open(of_runs, best))):
+        if of_kinds is not None and (
+            of_runs is None or (of_runs.kept < 1.0 and not runs_leave_open(of_runs, of_kinds, best))
+        ):
             return of_kinds
         return None if of_runs is None else replace(of_runs, of_a_kind=True)
 

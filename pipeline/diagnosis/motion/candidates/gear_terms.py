@@ -86,7 +86,7 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
         amount("drag", "N m", 0.1),
         lambda v, slow: stack(v.pairs * erf(v.slip / slow)),
         engaged_only=True,
-        shape=Quantity("slow", "rad/s", (0.05, 4.0)),
+        shape=Quantity("slow", "rad/s", (0.05, 2.0)),
         variant="by rate",
         of_pole_angle=True,
         follows=(LawCovariate.LOAD,),

@@ -33,6 +33,9 @@ SHARP = 0.06
 """Speed over which friction that changes sides at once does so [rad/s]: twice the noise of a speed."""
 
 
+SLIDING = 0.7
+"""Friction of a dry pair that slides over that at rest; drag by the speed takes up where it is another part."""
+
 RISES = 1e-3
 """Angle over which the friction of any bearing may rise after a reversal [rad], as its balls roll on before they slip;
 what rises over less than the least angle of a finding is not told from it."""
@@ -190,13 +193,13 @@ def rubbing_terms(side: str) -> Iterator[MotionTerm]:
 
     yield term(
         "engaged_dry_friction",
-        "Dry friction in the engaged gear that is larger at low speed",
-        "M exp(-|w|/ws) sign(w)",
+        "Dry friction in the engaged gear that falls from rest to sliding",
+        "M (s + (1 - s)/(1 + (w/ws)2)) sign(w), s = 0.7",
         amount("friction", "N m", 1.0),
-        lambda v, speed: stack(v.direction * np.exp(-np.abs(v.speed) / speed)),
+        lambda v, speed: stack(v.direction * (SLIDING + (1.0 - SLIDING) / (1.0 + (v.speed / speed) ** 2))),
         engaged_only=True,
         source=sources.ARMSTRONG,
-        shape=Quantity("speed", "rad/s", (4.0, 150.0)),
+        shape=Quantity("speed", "rad/s", (1.5, 80.0)),
         mimicked_by=(dry_name(side),),
         follows=(LawCovariate.SPEED, LawCovariate.LOAD),
         variant="falling",
