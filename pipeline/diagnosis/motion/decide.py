@@ -176,8 +176,8 @@ def _proof(
     """Errors of a set of mechanisms on withheld kinds of run, or where those cannot tell, on withheld runs.
 
     What one kind of run alone shows, as friction right after a reversal, no other kind can predict; a set may be borne
-    out by runs nevertheless, where every part of them names it, and left open by them where it explains all. None where
-    there is too little to withhold.
+    out by runs nevertheless, where every part of them names it, and left open by them where most do and it explains
+    all. None where there is too little to withhold.
     """
 
     def proves(held: HeldOut, best: Explanation[TermFit, TermProblem]) -> bool:
@@ -185,10 +185,12 @@ def _proof(
             return held.predicts and held.shows(best.gain)
         return borne_out(MotionCatalogue(), naming, held)
 
-    def runs_leave_open(of_runs: HeldOut, of_kinds: HeldOut, best: Explanation[TermFit, TermProblem]) -> bool:
+    def serves(of_runs: HeldOut, of_kinds: HeldOut, best: Explanation[TermFit, TermProblem]) -> bool:
+        if of_runs.kept == 1.0:
+            return True
         explains = naming.explained and naming.in_the_main and not naming.weak
-        shown = of_runs.tells and of_runs.kept >= STEADY and left_open(naming, of_runs) and not proves(of_runs, best)
-        return explains and shown and not left_open(naming, of_kinds)
+        most_agree = of_runs.tells and of_runs.kept >= STEADY and not proves(of_runs, best)
+        return explains and most_agree and left_open(naming, of_runs) and not left_open(naming, of_kinds)
 
     def prove(best: Explanation[TermFit, TermProblem]) -> HeldOut | None:
         def held(rows: WithheldRuns) -> HeldOut | None:
@@ -201,9 +203,7 @@ def _proof(
         if of_kinds is not None and (not naming.may_be_named or proves(of_kinds, best)):
             return of_kinds
         of_runs = held(by_run(found, best.fits, scatter))
-        if of_kinds is not None and (
-            of_runs is None or (of_runs.kept < 1.0 and not runs_leave_open(of_runs, of_kinds, best))
-        ):
+        if of_kinds is not None and (of_runs is None or not serves(of_runs, of_kinds, best)):
             return of_kinds
         return None if of_runs is None else replace(of_runs, of_a_kind=True)
 

@@ -27,7 +27,7 @@ LEAST_PERIOD = 1.9
 """Samples from which on a channel counts as held."""
 
 
-def renewal_of(values: Array) -> float:
+def _renewal_of(values: Array) -> float:
     """Samples from one renewal of a channel (n,) to the next; 1 where it is renewed with every sample.
 
     A value that is quantised stands still as well where it changes slowly, and a straight command then steps evenly,
@@ -61,7 +61,7 @@ def tell_renewals(channels: Mapping[str, Array], time: Array, findings: Findings
     """
     step = float(np.median(np.diff(time)))
     for name, values in channels.items():
-        if (period := renewal_of(values)) == 1.0:
+        if (period := _renewal_of(values)) == 1.0:
             continue
         late = 0.5 * (period - 1.0) * step
         message = f"it is renewed every {period:.3g} samples ({1e3 * period * step:.3g} ms) and held between"
