@@ -176,8 +176,8 @@ def _proof(
     """Errors of a set of mechanisms on withheld kinds of run, or where those cannot tell, on withheld runs.
 
     What one kind of run alone shows, as friction right after a reversal, no other kind can predict; a set may be borne
-    out by runs nevertheless, where every part of them names it, and left open by them where most do and it explains
-    all. None where there is too little to withhold.
+    out by runs nevertheless, or left open, where every part of them names it. Else it is what kinds of run leave open,
+    or runs of which most name it where it explains all. None where there is too little to withhold.
     """
 
     def proves(held: HeldOut, best: Explanation[TermFit, TermProblem]) -> bool:
@@ -185,12 +185,10 @@ def _proof(
             return held.predicts and held.shows(best.gain)
         return borne_out(MotionCatalogue(), naming, held)
 
-    def serves(of_runs: HeldOut, of_kinds: HeldOut, best: Explanation[TermFit, TermProblem]) -> bool:
-        if of_runs.kept == 1.0:
-            return True
+    def most_leave_open(of_runs: HeldOut, best: Explanation[TermFit, TermProblem]) -> bool:
         explains = naming.explained and naming.in_the_main and not naming.weak
         most_agree = of_runs.tells and of_runs.kept >= STEADY and not proves(of_runs, best)
-        return explains and most_agree and left_open(naming, of_runs) and not left_open(naming, of_kinds)
+        return explains and most_agree and left_open(naming, of_runs)
 
     def prove(best: Explanation[TermFit, TermProblem]) -> HeldOut | None:
         def held(rows: WithheldRuns) -> HeldOut | None:
@@ -203,9 +201,14 @@ def _proof(
         if of_kinds is not None and (not naming.may_be_named or proves(of_kinds, best)):
             return of_kinds
         of_runs = held(by_run(found, best.fits, scatter))
-        if of_kinds is not None and (of_runs is None or not serves(of_runs, of_kinds, best)):
+        if of_runs is None:
             return of_kinds
-        return None if of_runs is None else replace(of_runs, of_a_kind=True)
+        of_runs = replace(of_runs, of_a_kind=True)
+        sure = of_runs.kept == 1.0
+        if of_kinds is None or (sure and (proves(of_runs, best) or left_open(naming, of_runs))):
+            return of_runs
+        runs_serve = not left_open(naming, of_kinds) and (sure or most_leave_open(of_runs, best))
+        return of_runs if runs_serve else of_kinds
 
     return prove
 
