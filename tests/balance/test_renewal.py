@@ -1,4 +1,4 @@
-"""Channels that are held from one renewal to the next, told from those that stand still for another reason."""
+"""Channels that are updated more rarely than they are recorded, against those that stand still for another reason."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SEED = st.integers(0, 999)
 
 
 def renewal_of(values: np.ndarray) -> float:
-    """Samples between renewals as they are told; 1 where nothing is."""
+    """Samples from one renewal to the next by the warning; 1 where there is none."""
     findings = Findings("log.csv")
     tell_renewals({"M": values}, np.arange(len(values)) / 500.0, findings)
     told = [re.search(r"every ([\d.]+) samples", each.message) for each in findings.listed()]

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 FEWEST_RENEWALS = 50
-"""Renewals from which on their period is told."""
+"""Least number of renewals from which a period is taken."""
 
 SPREAD = 1.75
 """Gaps between renewals, over the shortest, that are one period; longer ones hold several, where a value came twice."""
 
 OUT_OF_STEP = 0.01
-"""Part of the gaps that may be no multiple of the period to a sample."""
+"""Part of the gaps that may be off a multiple of the period by a sample or more."""
 
 LEAST_PERIOD = 1.9
 """Samples from which on a channel counts as held."""
@@ -40,10 +40,13 @@ def _renewal_of(values: Array) -> float:
         return 1.0
     shortest = float(np.quantile(gaps, OUT_OF_STEP))
     period = float(np.mean(gaps[(gaps >= shortest) & (gaps <= SPREAD * shortest)]))
+
+    def periods_in_gaps() -> Array:
+        return np.maximum(np.round(gaps / period), 1.0)
+
     for _ in range(2):
-        count = np.maximum(np.round(gaps / period), 1.0)
-        period = float(gaps.sum() / count.sum())
-    off = np.abs(gaps - period * np.maximum(np.round(gaps / period), 1.0))
+        period = float(gaps.sum() / periods_in_gaps().sum())
+    off = np.abs(gaps - period * periods_in_gaps())
     return period if period >= LEAST_PERIOD and float(np.mean(off >= 1.0)) <= OUT_OF_STEP else 1.0
 
 

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 
 SIDES_YIELD = 5.0
-"""Torque at which soft sides of a play have given way by half, over the torque of contact: fitted freely beside hard
-sides, it was 4.4 for two strong plays with round corners."""
+"""Torque at which the soft sides of a play are compressed by half, over the torque of contact. With both fitted, it was
+4.4 for two strong plays with round corners."""
 
 
 def _moved(view: RotorView, side: str, *moved: Array) -> Array:
@@ -91,7 +91,7 @@ def _crossing(torque: Array, contact: float, _: float) -> Array:
 
 
 def _pressed(torque: Array, contact: float, _: float) -> Array:
-    """Half the way by which soft sides of a play give way to a torque (n,), of one at a large torque."""
+    """Half the compression of the soft sides of a play by a torque (n,), over that by a large one."""
     return np.asarray(0.5 * torque / (np.abs(torque) + SIDES_YIELD * contact))
 
 
