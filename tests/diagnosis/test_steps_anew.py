@@ -45,7 +45,7 @@ def test_no_constant_is_surer_than_steps_leave_it_and_none_becomes_surer(ratios:
     root = rng.standard_normal((k, k))
     covariance = root @ root.T + 0.1 * np.eye(k)
     sizes = np.sqrt(np.diag(covariance))
-    found = widened(covariance, (np.array(ratios) * sizes)[:, None] * np.array([1.0, -1.0, 1.0]))
+    found = widened(covariance, (np.array(ratios) * sizes) ** 2)
     assert np.sqrt(np.diag(found)) == pytest.approx(sizes * np.maximum(ratios, 1.0))
     one, other = (each / np.sqrt(np.outer(np.diag(each), np.diag(each))) for each in (covariance, found))
     assert one == pytest.approx(other)
@@ -54,10 +54,10 @@ def test_no_constant_is_surer_than_steps_leave_it_and_none_becomes_surer(ratios:
 @slow
 @pytest.mark.parametrize("number", [2, 9, 27, 55])
 def test_compliances_are_not_surer_than_they_are_where_counts_a_sample_are_whole(number: int) -> None:
-    """They lay 4.5, -2.8, -3.7 and -2.9 standard uncertainties off before."""
+    """The worst of 60: they lay 4.5, -2.8, -3.7 and -2.9 standard uncertainties off before."""
     lot = draw_motion_lots(number + 1, 20261130241, ("clean",))[number]
     case = lot.draw()
     fitted, covariance, _ = fit_constants(tuple(measure_motion_case(case, lot.rng("measure"))), load_bench())
     at = fitted.sheet.at("compliance_ring")
     off = float(fitted.values[at]) - 1.0 / case.scene.bench.shafts["ring"].stiffness
-    assert abs(off) < 2.0 * np.sqrt(covariance[at, at])
+    assert abs(off) < 2.5 * np.sqrt(covariance[at, at])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -51,13 +52,13 @@ if TYPE_CHECKING:
 CLEANINGS = 2
 """Times the constants are fitted, each time with columns freed from the noise that the fit before showed."""
 
-DENSITY_DOUBT = 0.07
-"""Relative standard uncertainty of the noise of a torque over that of an angle, in the band of the rows: steps of an
-encoder fold into it unevenly while a speed is held."""
+DENSITY_DOUBT = 0.03
+"""Relative standard uncertainty of the noise of a torque over that of an angle, in the band of the rows: 2 % of either
+from a run of half a minute. What steps of an encoder fold into it unevenly while a speed is held is counted besides."""
 
-STIFFER = 0.02
-"""Part by which the damping of a coupling may make it stiffer in the band: the square of damping times frequency over
-stiffness, which at 20 Hz is 0.15 squared for 3 N m s/rad on 2500 N m/rad."""
+STIFFER = 0.02 / math.sqrt(3.0)
+"""Standard uncertainty of the part by which the damping of a coupling makes it stiffer in the band: at most the square
+of damping times frequency over stiffness, which at 20 Hz is 0.15 squared for 3 N m s/rad on 2500 N m/rad."""
 
 HELD = 1e-3
 """Factor on the standard uncertainty of what is held."""
@@ -78,7 +79,7 @@ def fit_constants(
     smooth curve of time among it: what moves over the campaign is no wander, and is not to be taken for one because
     constants took up a part of it.
     Runs whose counters begin their turns anew are aligned by waves of a turn that they show, and fitted again. No
-    constant is surer than steps of the encoders leave it.
+    constant is surer than steps and jitter of the encoders leave it.
     """
     before, covariance, noise = _fit_with_noise(runs, bench, known or {})
     aligned: tuple[TurnOrigins, ...] = ()
@@ -128,14 +129,17 @@ def _fastest_in_neutral(stretches: tuple[RotorRows, ...]) -> PerShaft[float]:
 def _with_wander_and_steps(fitted: MotionBaseline, covariance: Array, noise: list[RowNoise]) -> Array:
     """The covariance (k, k) of the constants with wander that goes on from run to run, and with steps as they are.
 
-    The fit takes each run to wander by itself, and steps of the encoders for white noise.
+    The fit takes each run to wander by itself, and steps of the encoders for white noise. Steps of one run are at
+    other places than those of the next.
     """
-    seen, moved = [], np.zeros((len(fitted.sheet), COUNTED))
-    for place, (each, off) in enumerate(zip(noise, off_by_steps(fitted), strict=True)):
+    seen, moved = [], dict.fromkeys((s.run.run.name for s in fitted.stretches), np.zeros((len(fitted.sheet), COUNTED)))
+    for place, (each, off) in enumerate(zip(noise, off_by_steps(fitted, jitters=True), strict=True)):
         pull = covariance @ each.white(fitted.clean.columns(place)).T
         seen.append(pull @ each.white(each.lines))
-        moved += pull @ each.white(off)
-    return widened(covariance, moved) + between_runs(noise, seen)
+        name = fitted.stretches[place].run.run.name
+        moved[name] = moved[name] + pull @ each.white(off)
+    least = np.sum([np.mean(of_run**2, axis=1) for of_run in moved.values()], axis=0)
+    return widened(covariance, least) + between_runs(noise, seen)
 
 
 def _with_denser_torque(fitted: MotionBaseline, noise: list[RowNoise]) -> Array:

@@ -57,11 +57,10 @@ def off_by_steps(fitted: MotionBaseline, *, jitters: bool = False) -> list[Array
     return found
 
 
-def widened(covariance: Array, moved: Array) -> Array:
-    """A covariance (k, k) with no standard uncertainty below the rms of `moved` (k, d); correlations stay."""
-    least = np.mean(moved**2, axis=1)
+def widened(covariance: Array, least: Array) -> Array:
+    """A covariance (k, k) with no variance below `least` (k,); correlations stay."""
     wider = np.sqrt(np.maximum(least / np.maximum(np.diag(covariance), np.finfo(float).tiny), 1.0))
-    return covariance * np.outer(wider, wider)
+    return np.asarray(covariance * np.outer(wider, wider))
 
 
 def _blurs(run: SmoothRun, rng: np.random.Generator) -> PerShaft[Array]:
