@@ -90,6 +90,15 @@ def test_coarse_steps_on_both_shafts_hold_for_less_than_a_second(rng: np.random.
     assert marks[0][1] <= 500 < 1100 <= marks[0][2]
 
 
+def test_a_torque_of_a_counter_that_is_read_more_often_than_it_counts_is_told(rng: np.random.Generator) -> None:
+    torque = lively(rng)
+    findings = Findings("a.mcap")
+    check_torques(track(torque[np.arange(len(torque)) // 8 * 8]), track(lively(rng)), CALIBRATION, findings)
+    (told,) = findings.listed()
+    assert (told.severity, told.where) == (Severity.WARNING, "/daq/torque_sun/frequency")
+    assert "renewed every 8 samples" in told.message
+
+
 @pytest.mark.parametrize(
     ("torque", "code"),
     [(4.99, None), (5.01, Code.OUT_OF_BAND), (-5.01, Code.OUT_OF_BAND)],

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.recording.checks.renewal import tell_renewals
 from pmg.pipeline.recording.checks.stretches import joined, pieces, stretches, tell_stretches
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.join import Blemish
@@ -66,11 +67,12 @@ def check_torques(
 
     Notes
     -----
-    Outside the rated band a reading is a bound. A value that stays the same to the bit while the record, or the other
-    shaft, is otherwise lively is a held value: the cable is off or the counter stopped. Where neither is lively, a
-    value is held that stays for `DEAD_S`, or over the whole record: no transducer is without noise. A held value may
-    have dither (`_quiet`). A step by half the nominal torque within `FLANK` samples, and the same step back, which the
-    other shaft does not see, is the shunt signal. Readings that are marked as simulated may stand still.
+    Outside the rated band a reading is a bound. A value that stays the same to the bit while the record, or the
+    other shaft, is otherwise lively is a held value: the cable is off or the counter stopped. Where neither is
+    lively, a value is held that stays for `DEAD_S`, or over the whole record: no transducer is without noise. A
+    held value may have dither (`_quiet`); one that is held from each renewal to the next is told with its delay. A
+    step by half the nominal torque within `FLANK` samples, and the same step back, which the other shaft does not
+    see, is the shunt signal. Readings that are marked as simulated may stand still.
     """
     marks: list[Blemish] = []
     for side, track, other in (("sun", sun, ring), ("ring", ring, sun)):
@@ -95,6 +97,7 @@ def check_torques(
             )
             tell_stretches(findings.error, Code.STUCK, track.topic, quiet, words, lost="{n} samples")
             marks += [Blemish(track.topic, Code.STUCK, *stretch) for stretch in (*held.tolist(), *quiet.tolist())]
+            tell_renewals(track.topic, track.values, 1.0 / track.rate_hz, findings)
         if other is None:
             continue
         words = (

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.case import OUTPUT
-from pmg.pipeline.diagnosis.balance.records.renewal import tell_renewals
 from pmg.pipeline.importers.open_source import open_source, whole_channels
 from pmg.pipeline.importers.source import channel_of
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
 from pmg.pipeline.machine.channel import TIMES
+from pmg.pipeline.recording.checks.renewal import tell_renewals
 from pmg.pipeline.recording.findings import Code, Findings
 from pmg.pipeline.wording.plurals import counted
 from pmg.pipeline.wording.units import TEMPERATURE_UNITS
@@ -104,8 +104,9 @@ def channels_in_si(
             raise RecordingError(where, "the same value throughout", "a signal", do)
     if "time" not in values:
         values["time"] = _by_rate(source, channels, lengths.pop(), case.prepare.rate_hz)
-    held = {channels[k][0].name: each for k, each in values.items() if k.endswith(("force", "velocity"))}
-    tell_renewals(held, values["time"], findings)
+    step = float(np.median(np.diff(values["time"])))
+    for kind in (kind for kind in values if kind.endswith(("force", "velocity"))):
+        tell_renewals(channels[kind][0].name, values[kind], step, findings)
     for kind in (kind for kind in ("position", f"{OUTPUT}position") if kind in values and case.axis.turn):
         values[kind] = _unwrapped(values[kind], case.axis.turn, findings)
     return values

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pmg.pipeline.diagnosis.balance.records.renewal import tell_renewals
+from pmg.pipeline.recording.checks.renewal import tell_renewals
 from pmg.pipeline.recording.findings import Findings
 
 SEED = st.integers(0, 999)
@@ -18,7 +18,7 @@ SEED = st.integers(0, 999)
 def renewal_of(values: np.ndarray) -> float:
     """Samples from one renewal to the next by the warning; 1 where there is none."""
     findings = Findings("log.csv")
-    tell_renewals({"M": values}, np.arange(len(values)) / 500.0, findings)
+    tell_renewals("M", values, 2e-3, findings)
     told = [re.search(r"every ([\d.]+) samples", each.message) for each in findings.listed()]
     return float(told[0][1]) if told and told[0] else 1.0
 
@@ -55,7 +55,8 @@ def test_a_straight_command_of_whole_steps_is_not_held(slope: float, start: floa
 def test_it_is_told_with_its_delay() -> None:
     k, findings = np.arange(4000), Findings("log.csv")
     held = swinging(1)[k // 5 * 5]
-    tell_renewals({"M_motor": held, "M_brake": swinging(2)}, k / 500.0, findings)
+    for name, values in {"M_motor": held, "M_brake": swinging(2)}.items():
+        tell_renewals(name, values, 2e-3, findings)
     (told,) = findings.listed()
     assert told.where == "M_motor"
     assert "every 5 samples (10 ms)" in told.message

@@ -1,4 +1,4 @@
-"""Channels that are renewed more rarely than they are recorded, as over a field bus: held, they come late."""
+"""Channels that are renewed more rarely than they are recorded, as by a slow counter: held, they come late."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ import numpy as np
 from pmg.pipeline.recording.findings import Code
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pmg.pipeline.recording.findings import Findings
     from pmg.sim.signals import Array
 
@@ -50,23 +48,23 @@ def _renewal_of(values: Array) -> float:
     return period if period >= LEAST_PERIOD and float(np.mean(off >= 1.0)) <= OUT_OF_STEP else 1.0
 
 
-def tell_renewals(channels: Mapping[str, Array], time: Array, findings: Findings) -> None:
-    """Tell channels that are held from one renewal to the next.
+def tell_renewals(channel: str, values: Array, step: float, findings: Findings) -> None:
+    """Tell that a channel is held from one renewal to the next.
 
     Parameters
     ----------
-    channels : mapping of str to (n,) array
-        Forces, torques and speeds as recorded.
-    time : (n,) array
-        Their times [s].
+    channel : str
+        Its name.
+    values : (n,) array
+        Forces, torques or speeds as recorded.
+    step : float
+        Time from sample to sample [s].
     findings : Findings
-        Receives the period of each, and by how much it comes late on average.
+        Receives the period, and by how much the channel comes late on average.
     """
-    step = float(np.median(np.diff(time)))
-    for name, values in channels.items():
-        if (period := _renewal_of(values)) == 1.0:
-            continue
-        late = 0.5 * (period - 1.0) * step
-        message = f"it is renewed every {period:.3g} samples ({1e3 * period * step:.3g} ms) and held between"
-        do = f"Record it as often as the rest: held, it comes {1e3 * late:.3g} ms late on average, found as a delay."
-        findings.warning(Code.CHANNEL_VALUE, name, message, do)
+    if (period := _renewal_of(values)) == 1.0:
+        return
+    late = 0.5 * (period - 1.0) * step
+    message = f"it is renewed every {period:.3g} samples ({1e3 * period * step:.3g} ms) and held between"
+    do = f"Record it as often as the rest: held, it comes {1e3 * late:.3g} ms late on average, found as a delay."
+    findings.warning(Code.CHANNEL_VALUE, channel, message, do)
