@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 import polars as pl
 from scipy.io import loadmat
+from scipy.io.matlab import MatlabOpaque
 
 from pmg.pipeline.importers.source import ROWS, Block, SourceChannel, Wanted, channel_of, unreadable
 from pmg.sim.errors import RecordingError
@@ -100,18 +101,40 @@ class TableSource:
 
 
 def _of_mat(path: Path) -> dict[str, Column]:
-    """Variables of a MAT file: rows and columns as they are, a matrix by its longer side; none of three dimensions."""
-    found: dict[str, Column] = {}
-    for name, values in loadmat(path).items():
-        if name.startswith("__") or not isinstance(values, np.ndarray) or values.ndim > 2:
-            continue
-        if values.ndim == 2 and min(values.shape) > 1:
-            wide = values.shape[1] > values.shape[0]
-            parts = values if wide else values.T
-            found |= {(f"{name}({k},:)" if wide else f"{name}(:,{k})"): part for k, part in enumerate(parts, 1)}
-        else:
-            found[name] = values.ravel()
-    return found
+    """Variables of a MAT file by name, with what structs and cells hold."""
+    variables = loadmat(path).items()
+    return {
+        member: column
+        for name, values in variables
+        if not name.startswith("__")
+        for member, column in _members(name, values)
+    }
+
+
+def _members(name: str, values: object) -> Iterator[tuple[str, Column]]:
+    """Rows and columns of a variable as they are, a matrix by its longer side; none of three dimensions.
+
+    A field ``q`` of a struct ``x`` is ``x/q``, as a MAT file of version 7.3 calls it, that of its second element
+    ``x(2)/q``; a cell is ``x{2}``.
+    """
+    if not isinstance(values, np.ndarray) or values.ndim > 2:
+        return
+    if isinstance(values, MatlabOpaque):  # a table or a time series: what it holds MATLAB alone can read
+        yield name, np.zeros(0, dtype=np.object_)
+    elif values.dtype.names or values.dtype == np.object_:
+        for place, each in enumerate(values.ravel(order="F"), 1):
+            if values.dtype.names:
+                element = name if values.size == 1 else f"{name}({place})"
+                for field_name in values.dtype.names:
+                    yield from _members(f"{element}/{field_name}", each[field_name])
+            else:
+                yield from _members(f"{name}{{{place}}}", each)
+    elif values.ndim == 2 and min(values.shape) > 1:
+        wide = values.shape[1] > values.shape[0]
+        for k, part in enumerate(values if wide else values.T, 1):
+            yield f"{name}({k},:)" if wide else f"{name}(:,{k})", part
+    else:
+        yield name, values.ravel()
 
 
 def _of_parquet(path: Path) -> tuple[dict[str, Column], frozenset[str]]:

@@ -83,6 +83,12 @@ class MachineGuess:
         """Names of the shafts, the input first."""
         return tuple(dict.fromkeys(end for end, _ in self.channels))
 
+    @property
+    def rate_by_steps(self) -> bool:
+        """Whether the sample rate is that of a column which is the time by its even steps alone."""
+        doubtful = [1.0 / (one.seen.step * TIMES[one.unit]) for one in self.time if one.reason == BY_STEPS]
+        return self.rate_hz is not None and any(abs(rate / self.rate_hz - 1.0) <= WHOLE_RATE for rate in doubtful)
+
     def chosen(self, end: str, kind: str) -> ChannelGuess | None:
         """The one channel that fits, where nothing is open."""
         fitting = self.channels.get((end, kind), ())

@@ -142,9 +142,10 @@ def _records(guess: MachineGuess) -> Iterator[str]:
         yield f"{OPEN}keep_every = "
     else:
         keep = min(max(round(rate / THINNED_HZ), 1), MOST_LEFT_OUT)
-        yield f"rate_Hz = {rate!r}"
-        yield f"low_pass_Hz = {BAND * rate / keep:.4g}  # {BAND} rate_Hz / keep_every; below the first resonance"
-        yield f"keep_every = {keep}"
+        mark = OPEN if guess.rate_by_steps else ""
+        yield f"{mark}rate_Hz = {rate!r}" + ("  # if that column is the time" if mark else "")
+        yield f"{mark}low_pass_Hz = {BAND * rate / keep:.4g}  # {BAND} rate_Hz / keep_every; below the first resonance"
+        yield f"{mark}keep_every = {keep}"
     yield f'{OPEN}withheld = [""]  # files that take part in no fit, as "run_3.csv" or "run_3*"; or withheld_part = 0.3'
     yield f'{OPEN}zero = [""]  # files at rest with the drive off, as "rest*": their mean is the zero'
     yield from (

@@ -362,6 +362,26 @@ def test_the_numbers_of_the_file_stand_beside_those_that_are_found(tmp_path: Pat
     assert rows["inertia"]["found"] == pytest.approx(wheel.INERTIA, rel=0.02)
     assert not rows["Coulomb friction"]["differs"]
     assert rows["viscous friction"]["apart"] is None
+    (told,) = (remark for remark in done.findings if remark.where == "machine file")
+    assert told.severity == "warning"
+    assert "the inertia is 0.03" in told.message
+    assert told.message.endswith("Check the machine file, and unit, sign and gain of the channels")
+
+
+def test_a_transducer_that_sees_nothing_while_the_machine_coasts_is_told_on_the_first_screen(tmp_path: Path) -> None:
+    """Free constants fit the noise that it shows: the inertia that is stated tells that they mean nothing."""
+    rng, time = np.random.default_rng(3), np.arange(15_000) / wheel.RATE
+    records = tmp_path / "records"
+    records.mkdir()
+    m = wheel.Turning(time, 200.0 * time - 2.5 * time**2, 200.0 - 5.0 * time, np.full(len(time), -5.0))
+    for name in ("a.csv", "withheld.csv"):
+        wheel.record(records / name, m, 0.002 * rng.standard_normal(len(time)), rng)
+    units = ('torque = { name = "T", unit = "N m" }', 'torque = { name = "T", unit = "mN m" }')
+    machine = changed(tmp_path, units, of=shipped()["rotary-drive"])
+    run_machine(str(machine), records, tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "if the machine coasted, take the torque out of its channels" in page
+    assert "describe the machine" not in page
 
 
 def test_a_number_that_is_stated_of_one_shaft_alone_is_told(tmp_path: Path) -> None:

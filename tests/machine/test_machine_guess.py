@@ -289,3 +289,12 @@ def test_channels_of_other_rates_are_not_set_side_by_side(tmp_path: Path) -> Non
     table, text = proposed(tmp_path / "a.tdms")
     assert "ratio" not in table["gear"]
     assert "the speeds were not set side by side: rates of 250 and 500 Hz" in text
+
+
+def test_a_rate_by_the_even_steps_of_a_column_that_may_be_no_time_is_left_open(tmp_path: Path) -> None:
+    winding = np.asarray(30.0 + 0.005 * np.arange(len(T)))
+    table, text = proposed(
+        csv(tmp_path / "a.csv", {"winding": winding, "n [rpm]": 900.0 * wave(0.5), "M [Nm]": wave(1.0)})
+    )
+    assert not {"time", "rate_Hz", "low_pass_Hz", "keep_every"} & set(table["records"])
+    assert f"{OPEN}rate_Hz = 200.0  # if that column is the time" in text

@@ -27,9 +27,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.causes import NamedCause
     from pmg.pipeline.diagnosis.balance.contest import ModelStep
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+    from pmg.pipeline.recording.remark import Remark
     from pmg.sim.signals import Array
 
-GROUNDS, MODELS, CAUSES = "verdict-terms", "terms-models", "terms-causes"
+GROUNDS, MODELS, CAUSES, STATED = "verdict-terms", "terms-models", "terms-causes", "machine-stated"
 """Sections and tables of the report that hold the grounds."""
 
 SHOWN = 400
@@ -50,12 +51,21 @@ WITH = {"named": "with the cause", "tried": "with the terms tried"}
 """The last model in a legend, by what is said of its terms."""
 
 
-def machine_sheet(diagnosis: TermsDiagnosis, *, goes_on: bool) -> ActionSheet:
-    """The sheet of a machine of one's own; with `goes_on` a machine file with the cause was written."""
+def machine_sheet(diagnosis: TermsDiagnosis, against: tuple[Remark, ...] = (), *, goes_on: bool) -> ActionSheet:
+    """The sheet of a machine of one's own.
+
+    Parameters
+    ----------
+    diagnosis : TermsDiagnosis
+        Of its records.
+    against : tuple of Remark
+        What the records say against its file.
+    goes_on : bool
+        Whether a machine file with the cause was written.
+    """
     causes = named_causes(diagnosis)
-    return ActionSheet(
-        tuple(_answers(diagnosis, causes, goes_on=goes_on)), _parts(diagnosis, causes), _picture(diagnosis)
-    )
+    answers = tuple(_answers(diagnosis, causes, against, goes_on=goes_on))
+    return ActionSheet(answers, _parts(diagnosis, causes), _picture(diagnosis))
 
 
 def _parts(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> tuple[MachinePart, ...]:
@@ -69,7 +79,9 @@ def _parts(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> tuple[MachinePa
     return tuple(MachinePart(part, mark=mark(part)) for part in (TWO_SHAFTS if two else ONE_SHAFT))
 
 
-def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool) -> Iterator[SheetAnswer]:
+def _answers(
+    d: TermsDiagnosis, causes: tuple[NamedCause, ...], against: tuple[Remark, ...], *, goes_on: bool
+) -> Iterator[SheetAnswer]:
     first, last, push = d.steps[0], d.steps[-1], d.case.axis.push
     title = (TITLES.get(d.verdict) or headline(d)).rstrip(".")
     if d.verdict is Verdict.NAMED:
@@ -83,6 +95,8 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
         yield SheetAnswer("What differs", (f"The balance is off by {rms:.3g} {push} rms; {noise}.{where}",), MODELS)
     else:
         yield SheetAnswer("What differs", (f"Nothing beyond the noise; {noise}.",), MODELS)
+    if against:
+        yield SheetAnswer("Against the file", tuple(f"{capitalised(each.message)}." for each in against), STATED)
     if causes:
         several = any(cause.group for cause in causes)
         yield SheetAnswer("Possible causes" if several else "Its size", tuple(_sizes(causes, push)), CAUSES)
@@ -95,9 +109,9 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
         near = (f"The closest, {each.title}, explains {each.part} of it{but}." for each in near_causes(d)[:1])
         yield SheetAnswer("Cause", ("No set of terms explains it. We can show where, not why.", *near))
     yield SheetAnswer("How sure", tuple(_sureness(d, first, last)), GROUNDS)
-    yield SheetAnswer("On the bench", (_action(d),))
+    yield SheetAnswer("On the bench", (_action(d, contradicted=bool(against)),))
     yield SheetAnswer("Next test", tuple(_tests(d, causes)), CAUSES * bool(causes))
-    if d.verdict is Verdict.CONSISTENT:
+    if d.verdict is Verdict.CONSISTENT and not against:
         yield SheetAnswer("In the model", ("The fitted constants describe the machine; `terms.json` holds them.",))
     elif causes:
         added = "Add the term with its fitted size; `terms.json` and `residuals.csv` hold both models."
@@ -152,8 +166,8 @@ def _sureness(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[
         yield f"What is left still follows {d.left_over.locations[0].name}."
 
 
-def _action(d: TermsDiagnosis) -> str:
-    if d.impossible:
+def _action(d: TermsDiagnosis, *, contradicted: bool) -> str:
+    if d.impossible or (contradicted and d.verdict is Verdict.CONSISTENT):
         return "Check sign, unit and filter of the channels."
     return "Nothing." if d.verdict is Verdict.CONSISTENT else "Repair nothing before the next test has confirmed it."
 

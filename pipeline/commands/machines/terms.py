@@ -24,7 +24,11 @@ from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import free_run_lines, headline, terms_document, terms_lines
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_remarks
 from pmg.pipeline.diagnosis.balance.low_passes import try_low_passes
-from pmg.pipeline.diagnosis.balance.machine.found_and_stated import found_and_stated, not_compared
+from pmg.pipeline.diagnosis.balance.machine.found_and_stated import (
+    contradictions,
+    found_and_stated,
+    not_compared,
+)
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.machine.machine_document import machine_document
 from pmg.pipeline.diagnosis.balance.machine.power import steady_points
@@ -52,6 +56,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.machine.machine import Machine
+    from pmg.pipeline.report.action_sheet import ActionSheet
     from pmg.pipeline.report.document import Section
 
 DOCUMENT = "terms.json"
@@ -137,9 +142,11 @@ def _run(
     document |= {"near": [cause.document for cause in near_causes(diagnosis)]}
     document |= {"seed": seed, "sha256": digests}
     sections: tuple[Section, ...] = ()
+    against: tuple[Remark, ...] = ()
     if machine is not None:
         points = () if case.ratio is None else steady_points(recorded, machine, _inertia(diagnosis))
         compared = found_and_stated(diagnosis, machine)
+        against = contradictions(compared, diagnosis)
         document |= machine_document(machine, points, compared)
         sections = machine_sections(machine, points, compared, causes)
     tables = {DOCUMENT: json.dumps(document, indent=1, allow_nan=False) + "\n", RESIDUALS: _residual_table(diagnosis)}
@@ -149,10 +156,11 @@ def _run(
         (out / WITH_CAUSE).unlink(missing_ok=True)
     for name, text in tables.items():
         write_atomic(out / name, text.encode())
-    remarks = (*findings_of(recorded), *findings_of(withheld), *low_pass_remarks(diagnosis))
+    remarks = (*against, *findings_of(recorded), *findings_of(withheld), *low_pass_remarks(diagnosis))
     cautions = tuple(Caution(f"{r.place}: {r.message}") for r in remarks if r.severity != Severity.INFO)
     own = (*sections, *readings_section(remarks))
-    page = _page(diagnosis, seed, digests, (own, cautions), goes_on=WITH_CAUSE in tables)
+    sheet = machine_sheet(diagnosis, against, goes_on=WITH_CAUSE in tables)
+    page = _page(diagnosis, seed, digests, (own, cautions), sheet)
     written = (*write_report(page, out), *(out / name for name in tables))
     command = "pmg terms" if machine is None else "pmg run"
     leave_crate_of_files(out, command, tuple(files), written, began)
@@ -223,8 +231,7 @@ def _page(
     seed: int,
     digests: dict[str, str],
     own: tuple[tuple[Section, ...], tuple[Caution, ...]],
-    *,
-    goes_on: bool,
+    sheet: ActionSheet,
 ) -> Report:
     first, *others = terms_sections(diagnosis)
     good = diagnosis.verdict is Verdict.CONSISTENT
@@ -235,7 +242,7 @@ def _page(
         subtitle=f"Terms of its {diagnosis.case.axis.pushes} balance: what the baseline lacks, and the proof",
         verdict=Headline(headline(diagnosis), "good" if good else "attention", warnings=cautions, asks=asks),
         sections=(first, *own_sections, *others),
-        sheet=machine_sheet(diagnosis, goes_on=goes_on),
+        sheet=sheet,
         provenance=Facts(
             (
                 *((f"SHA-256 of {name}", digest) for name, digest in digests.items()),

@@ -11,7 +11,7 @@ from pmg.pipeline.wording.units import ANGLE, COUNT, ELECTRIC, FREQUENCY, SPEED,
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-WORD = re.compile(r"[A-ZÄÖÜ]?[a-zäöüß]+|[A-ZÄÖÜ]+(?![a-zäöüß])|\d+|[φθω]")
+WORD = re.compile(r"[A-ZÄÖÜ]?[a-zäöüß]+|[A-ZÄÖÜ]+(?![a-zäöüß])|\d+|[φθωτ]")
 """A word of a name, by case and digits."""
 COLUMN = re.compile(r"\((\d+,:|:,\d+)\)$|[@#]\d+$")
 """Number of a column, of a group or of a name that comes again: no word of the name."""
@@ -28,8 +28,15 @@ KIND_WORDS = {
     "ticks": "tick ticks timer",
 }
 """Words that say what a signal is."""
-LETTERS = {"M": ("torque",), "T": ("torque", "temperature"), "n": ("speed",), "t": ("time",), "I": ("current",)}
-"""Single letters that may say so; what has a unit is judged by that alone."""
+SYMBOLS = {
+    **dict.fromkeys(("M", "tau", "τ"), ("torque",)),
+    **dict.fromkeys(("n", "qd", "dq", "qdot"), ("speed",)),
+    "q": ("angle",),
+    "T": ("torque", "temperature"),
+    "t": ("time",),
+    "I": ("current",),
+}
+"""Symbols at the beginning of a name that may say so; what has a unit is judged by that alone."""
 WARM_PLACES = {"oil", "oel", "öl", "ambient", "amb"}
 """Words of what has a temperature, whose symbol is a letter of an angle, too."""
 SIDE_WORDS: tuple[Mapping[str, str], ...] = (
@@ -87,15 +94,15 @@ def is_set_point(name: str) -> bool:
 
 
 def kinds_by_name(name: str) -> tuple[tuple[str, ...], bool]:
-    """Kinds that a name may speak of, and whether words say so; a single letter is a weak sign."""
+    """Kinds that a name may speak of, and whether words say so; a symbol is a weak sign."""
     words = words_of(_parts(name)[1])
     found = tuple(kind for kind, known in KIND_WORDS.items() if set(words) & set(known.split()))
     if found == ("angle",) and set(words) & {"theta", "θ"} and set(words) & WARM_PLACES:
         found = ("temperature",)
     if found:
         return found, True
-    letters = [word for word in words[:1] if word in LETTERS]
-    return (LETTERS[letters[0]], False) if letters else ((), False)
+    symbols = [word for word in words[:1] if word in SYMBOLS]
+    return (SYMBOLS[symbols[0]], False) if symbols else ((), False)
 
 
 def unit_by_name(name: str, more: Iterable[str] = ()) -> str:

@@ -6,6 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.records.reading import COASTS
 from pmg.pipeline.recording.remark import Remark
 
 if TYPE_CHECKING:
@@ -49,6 +52,13 @@ class FoundAndStated:
         """Whether the two cannot both be right."""
         return self.apart > APART
 
+    @property
+    def sentence(self) -> str:
+        """Both, and how far they are apart, in words."""
+        stated = f"{self.stated.value:.3g} ± {self.stated.u or 0.0:.2g} {self.stated.unit} as the machine file states"
+        found = f"{self.found:.3g} ± {self.standard_error:.2g} by the records"
+        return f"the {self.name} is {stated}, and {found}: {self.apart:.0f} standard uncertainties apart"
+
 
 COMPARED = {
     "inertia": ("inertia", "inertia"),
@@ -87,3 +97,22 @@ def found_and_stated(diagnosis: TermsDiagnosis, machine: Machine) -> tuple[Found
         for term, (name, value) in known.items()
         if value is not None and term in last
     )
+
+
+def contradictions(compared: tuple[FoundAndStated, ...], diagnosis: TermsDiagnosis) -> tuple[Remark, ...]:
+    """Warnings of stated numbers that the records contradict, with what to do."""
+    return tuple(
+        Remark("warning", "machine file", f"{row.sentence}. {_what_to_do(row, diagnosis)}")
+        for row in compared
+        if row.differs
+    )
+
+
+def _what_to_do(row: FoundAndStated, diagnosis: TermsDiagnosis) -> str:
+    recorded, axis = diagnosis.recorded, diagnosis.case.axis
+    acts = float(np.sqrt(np.mean((recorded.force + recorded.known) ** 2)))
+    needed = row.stated.value * float(np.sqrt(np.mean(recorded.motion.acceleration**2)))
+    if row.name == COMPARED["inertia"][0] and acts < COASTS * needed:
+        shown = f"The {axis.pushes} is {acts:.2g} {axis.push} rms, where such an inertia takes {needed:.2g}"
+        return f"{shown}: if the machine coasted, take the {axis.pushes} out of its channels; else check its unit"
+    return "Check the machine file, and unit, sign and gain of the channels"
