@@ -8,7 +8,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.causes import named_causes, near_causes
 from pmg.pipeline.diagnosis.balance.document import headline
-from pmg.pipeline.diagnosis.balance.errors_told import percent, where_it_sticks
+from pmg.pipeline.diagnosis.balance.errors_told import percent, what_it_misses, where_it_sticks
 from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_sentence
 from pmg.pipeline.diagnosis.balance.parts import ONE_SHAFT, TWO_SHAFTS, part_of
 from pmg.pipeline.diagnosis.balance.titles import left_out_sentence, why_held_back
@@ -94,7 +94,8 @@ def _answers(
         where = f" It follows {places}." if places else ""
         yield SheetAnswer("What differs", (f"The balance is off by {rms:.3g} {push} rms; {noise}.{where}",), MODELS)
     else:
-        yield SheetAnswer("What differs", (f"Nothing beyond the noise; {noise}.",), MODELS)
+        but = f" But {said}." if (said := what_it_misses(d, first)) else ""
+        yield SheetAnswer("What differs", (f"Nothing beyond the noise; {noise}.{but}",), MODELS)
     if against:
         yield SheetAnswer("Against the file", tuple(f"{capitalised(each.message)}." for each in against), STATED)
     if causes:

@@ -27,6 +27,9 @@ MOSTLY = 0.5
 UNSURE = {DEAD_ZONE: "its command changes sign in the dead zone, ", BACKLASH: "its load meets the end of the gap, "}
 """Where else single samples have noise of their own, once nobody knows what a named term does there."""
 
+NEXT_TO_NOTHING = 0.9
+"""Relative error of the fit from which on a model explains next to nothing: noise alone makes it 1."""
+
 MOST_PART = 10.0
 """Relative error from which on a number says nothing."""
 
@@ -43,7 +46,7 @@ def errors_sentence(diagnosis: TermsDiagnosis, first: ModelStep, last: ModelStep
     pushes, steps = diagnosis.case.axis.pushes, (first, last) if last is not first else (first,)
     told = f"Relative {pushes} error {_in_turn([percent(step.error_fit) for step in steps])}"
     if diagnosis.withheld is None:
-        return f"{told}."
+        return f"{told}: {said}." if (said := what_it_misses(diagnosis, last)) else f"{told}."
     told = f"{told}; on the withheld record {_in_turn([percent(step.error_withheld) for step in steps])}"
     if last.error_withheld <= FAR * last.error_fit:
         return f"{told}."
@@ -51,6 +54,13 @@ def errors_sentence(diagnosis: TermsDiagnosis, first: ModelStep, last: ModelStep
         return f"{told}: it does not carry over."
     times = last.error_withheld / last.error_fit if last.error_fit > 0.0 else math.inf
     return f"{told}, which is {times:.2g} times that of the fit."
+
+
+def what_it_misses(diagnosis: TermsDiagnosis, step: ModelStep) -> str:
+    """That a model explains next to nothing of what was measured; empty where it explains more."""
+    if not step.error_fit > NEXT_TO_NOTHING:
+        return ""
+    return f"the model explains next to nothing of the {diagnosis.case.axis.pushes} that was measured"
 
 
 def where_it_sticks(diagnosis: TermsDiagnosis, last: ModelStep) -> str:
