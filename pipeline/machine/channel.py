@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 TIMES = {unit: TIME[unit] for unit in ("s", "ms", "us", "ns")}
 """Units of a time channel, and what one is in SI."""
 
+COUNT = "count"
+"""Unit of a position that is counted: the encoder of the shaft says what one is."""
+
 COMMANDS = ("V", "A", "%")
 """Units of a command, of which a factor makes a force or a torque."""
 

@@ -14,7 +14,8 @@ from pmg.pipeline.importers.guess.signal_kinds import (
     words_of,
 )
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
-from pmg.pipeline.machine.channel import COMMANDS, TIMES
+from pmg.pipeline.machine.channel import COMMANDS, COUNT, TIMES
+from pmg.pipeline.wording.units import COUNT as COUNTS
 from pmg.pipeline.wording.units import FREQUENCY, TIME, declared
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ class ChannelGuess:
     @property
     def certain(self) -> bool:
         """Whether it can be taken as it is."""
-        return bool(self.unit) and self.unit not in COMMANDS and not self.seen.constant
+        return bool(self.unit) and self.unit not in (*COMMANDS, COUNT) and not self.seen.constant
 
     def document(self) -> dict[str, Any]:
         """The same as JSON."""
@@ -120,6 +121,8 @@ def guess_channel(seen: SeenSignal) -> ChannelGuess:
         reason = f"the unit {unit} does not tell" if unit else "no unit"
         return ChannelGuess(seen, "", end, unit, f"{reason}, and neither does its name")
     reason = f"unit {unit}" if unit else "by its name alone"
+    if kind == "position" and seen.whole_numbers and (not unit or unit in COUNTS):
+        return ChannelGuess(seen, kind, end, COUNT, f"{reason}; whole numbers, as an encoder counts")
     unit = AS_TEMPERATURE.get(unit, "") if kind == "temperature" else unit
     if kind == "time" and not unit:
         reason = "by its name alone; the unit is the one that gives a likely rate"
@@ -133,6 +136,8 @@ def _kind(unit: str, named: tuple[str, ...], words: set[str]) -> str:
         return "time"
     if unit in SPELLED_TEMPERATURES:
         return "temperature"
+    if unit in COUNTS:
+        return "position" if "angle" in named else ""
     if unit in COMMANDS:
         return "force" if "torque" in named or words & set(PUSH_WORDS) else "current" if unit == "A" else ""
     for axis in (ROTARY, LINEAR):
@@ -153,7 +158,7 @@ def of_axis(axis: Axis) -> tuple[str, ...]:
 
 def fits_axis(guess: ChannelGuess, axis: Axis) -> bool:
     """Whether the unit of a channel, if it has one, is of an axis of this kind."""
-    return not guess.unit or guess.unit in COMMANDS or guess.unit in of_axis(axis)
+    return not guess.unit or guess.unit in (*COMMANDS, COUNT) or guess.unit in of_axis(axis)
 
 
 def _likely_time(seen: SeenSignal) -> str:

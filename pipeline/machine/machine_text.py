@@ -7,7 +7,7 @@ import tomllib
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.importers.guess.map_text import OPEN, quoted
-from pmg.pipeline.machine.channel import COMMANDS, TIMES
+from pmg.pipeline.machine.channel import COMMANDS, COUNT, TIMES
 from pmg.pipeline.machine.machine_file import MACHINE_SCHEMA
 from pmg.pipeline.wording.safe_text import printable
 
@@ -80,6 +80,10 @@ def _shaft(guess: MachineGuess, shaft: str) -> Iterator[str]:
         yield f'{OPEN}nominal = {{ value = , unit = "{axis.push}", source = "" }}  # a warning where readings exceed it'
         if all((one, "force") in guess.channels for one in guess.shafts) and len(guess.shafts) > 1:
             yield f'{OPEN}tolerance = {{ value = , unit = "%", source = "" }}  # a gain is compared with it'
+    if any(one.unit == COUNT for one in guess.channels.get((shaft, "position"), ())):
+        yield from ("", f"{OPEN}[shaft.{shaft}.encoder]")
+        key, unit = ("counts_per_turn", "1") if axis.turn else ("resolution", "um")
+        yield f'{OPEN}{key} = {{ value = , unit = "{unit}", source = "" }}  # 4 times the lines if every edge counts'
     yield from ("", f"[shaft.{shaft}.channel]")
     for kind in ("position", "velocity", "force"):
         fitting = guess.channels.get((shaft, kind), ())

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field
 
 from pmg.pipeline.files.strict_tables import EACH_ONCE, Strict, one_of, refuse, refusing, within
 from pmg.pipeline.importers.csv_dialect import CsvForm
-from pmg.pipeline.machine.channel import Channel, PrepareTable, check_factor, in_si, with_constant
+from pmg.pipeline.machine.channel import COUNT, Channel, PrepareTable, check_factor, in_si, with_constant
 from pmg.pipeline.machine.quantity import QuantityTable
 
 if TYPE_CHECKING:
@@ -74,7 +74,9 @@ class ShaftChannels(Strict):
     force: Channel | None = None
     torque: Channel | None = None
 
-    def of(self, axis: Axis, constant: float | None = None) -> dict[str, tuple[Channel, float]]:
+    def of(
+        self, axis: Axis, constant: float | None = None, count: float | None = None
+    ) -> dict[str, tuple[Channel, float]]:
         """Channels that are there, and what one unit of each is in SI; what drives the machine is ``force``.
 
         Parameters
@@ -83,17 +85,24 @@ class ShaftChannels(Strict):
             What moves.
         constant : float, optional
             Force or torque of one ampere [N/A, N m/A], where the motor's is stated.
+        count : float, optional
+            Way of one count [m, rad], where the encoder's is stated.
 
         Raises
         ------
         RefusalError
-            A channel or its unit is that of the other axis, or a command lacks what one unit of it makes.
+            A channel or its unit is that of the other axis, a command lacks what one unit of it makes, or counts lack
+            their encoder.
         """
         other = "torque" if axis.pushes == "force" else "force"
         if getattr(self, other) is not None:
             refuse(other, axis.pushes, "Rename the channel, or correct what the axis does.", other)
+        if self.position is not None and self.position.unit == COUNT and count is None:
+            expected = f"encoder.{'counts_per_turn' if axis.turn else 'resolution'} of the shaft"
+            refuse("missing", expected, "Add it: it says what one count is.", "position", "unit")
         found = {}
-        for kind, known in {"position": axis.positions, "velocity": axis.speeds, axis.pushes: axis.forces}.items():
+        positions = {**axis.positions, COUNT: count or 0.0}
+        for kind, known in {"position": positions, "velocity": axis.speeds, axis.pushes: axis.forces}.items():
             channel: Channel | None = getattr(self, kind)
             if channel is not None:
                 with refusing(kind):

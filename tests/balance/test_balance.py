@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +23,7 @@ from tests.slow import slow
 from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
 from pmg.pipeline.commands.machines.terms import run_terms
 from pmg.pipeline.diagnosis.balance.case_file import read_case
-from pmg.pipeline.diagnosis.balance.causes import near_causes, nearest_lines
+from pmg.pipeline.diagnosis.balance.causes import named_causes, near_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline, terms_document
 from pmg.pipeline.diagnosis.balance.estimate import T_95, fit_together
@@ -33,6 +34,7 @@ from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.diagnosis.balance.search_record import _searched_terms
 from pmg.pipeline.diagnosis.balance.serial import SerialNoise, covariance_of, fit_noise
+from pmg.pipeline.diagnosis.balance.titles import lateness_of
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.engine.withheld import BLOCKS
 from pmg.pipeline.machine.machine_file import read_machine
@@ -202,6 +204,8 @@ def test_a_delay_is_named_with_its_sign(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, lambda m: np.interp(m.t + 0.004, m.t, plain(m)))
     assert named(found) == {"delay"}
     assert value(found, "delay")[0] == pytest.approx(0.004, abs=3e-4)
+    assert re.fullmatch(r"the position comes [34](\.\d+)? ms after the force", named_causes(found)[0].remark)
+    assert lateness_of("delay", -2e-3, "torque") == "the torque comes 2 ms after the position"
 
 
 # --- laws ----------------------------------------------------------------------------------------------

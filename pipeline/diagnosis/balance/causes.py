@@ -12,7 +12,7 @@ from pmg.pipeline.diagnosis.balance.known_terms import GONE
 from pmg.pipeline.diagnosis.balance.library.columns import RIPPLE, SECOND_RIPPLE
 from pmg.pipeline.diagnosis.balance.library.term import EXCEEDED
 from pmg.pipeline.diagnosis.balance.library.two_torques import GAINS
-from pmg.pipeline.diagnosis.balance.titles import separating_test, titled
+from pmg.pipeline.diagnosis.balance.titles import lateness_of, separating_test, titled
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -141,7 +141,12 @@ def _remark(diagnosis: TermsDiagnosis, fit: TermFit, values: Sequence[float]) ->
     factor = _factor(fit.identifier, gain, diagnosis.case.axis.factor)
     stated = _beside_tolerance(fit.identifier, gain, diagnosis.case.tolerances.get(fit.identifier))
     beyond = _beyond_known(diagnosis, fit, values)
-    return "; ".join(filter(None, (factor, stated, beyond))) or _once_a_turn(diagnosis, fit) or _limit(diagnosis, fit)
+    late = lateness_of(fit.identifier, gain, diagnosis.case.axis.pushes)
+    return (
+        "; ".join(filter(None, (factor, late, stated, beyond)))
+        or _once_a_turn(diagnosis, fit)
+        or _limit(diagnosis, fit)
+    )
 
 
 def _beyond_known(diagnosis: TermsDiagnosis, fit: TermFit, values: Sequence[float]) -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.balance.borne_out import HeldBack, of_no_size
 from pmg.pipeline.diagnosis.balance.library.elastic import BACKLASH, GAP_TEST, LIKE_PLAY
+from pmg.pipeline.diagnosis.balance.library.term import DELAY
 from pmg.pipeline.wording.plurals import uncapitalised
 
 if TYPE_CHECKING:
@@ -26,6 +27,14 @@ def title_of(diagnosis: TermsDiagnosis, identifier: str) -> str:
 def titles_of(fits: Iterable[TermFit]) -> str:
     """Names of a set of terms for people; empty without any."""
     return " and ".join(titled(fit.candidate) for fit in fits)
+
+
+def lateness_of(identifier: str, lag: float, pushes: str) -> str:
+    """Which of a command and the position comes later, by a lag of the position [s]; empty of another term."""
+    if identifier != DELAY:
+        return ""
+    late, early = ("position", pushes) if lag > 0.0 else (pushes, "position")
+    return f"the {late} comes {1e3 * abs(lag):.3g} ms after the {early}"
 
 
 def left_out_sentence(diagnosis: TermsDiagnosis) -> str:

@@ -10,11 +10,13 @@ from pmg.pipeline.diagnosis.balance.case import OUTPUT
 from pmg.pipeline.importers.open_source import open_source, whole_channels
 from pmg.pipeline.importers.source import channel_of
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
-from pmg.pipeline.machine.channel import TIMES
+from pmg.pipeline.machine.channel import COUNT, TIMES
 from pmg.pipeline.recording.checks.renewal import tell_renewals
 from pmg.pipeline.recording.findings import Code, Findings
 from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.units import COUNT as COUNTS
 from pmg.pipeline.wording.units import TEMPERATURE_UNITS
+from pmg.pipeline.wording.units import declared as declared_unit
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -31,6 +33,9 @@ SAME_RATE = 1e-6
 
 WRAPPED = 0.25
 """Part of a turn by which a step of an angle may differ from a whole one to be where it begins anew."""
+
+COUNTER_BITS = 16, 24, 32
+"""Widths of counters, which begin anew after so many bits."""
 
 SPELLINGS = {"·": "", "*": "", "°": "deg", "1/min": "rpm", "U/min": "rpm", "min-1": "rpm", "µ": "u"}
 """Signs and words of units that are written in several ways."""
@@ -107,8 +112,11 @@ def channels_in_si(
     step = float(np.median(np.diff(values["time"])))
     for kind in (kind for kind in values if kind.endswith(("force", "velocity"))):
         tell_renewals(channels[kind][0].name, values[kind], step, findings)
-    for kind in (kind for kind in ("position", f"{OUTPUT}position") if kind in values and case.axis.turn):
-        values[kind] = _unwrapped(values[kind], case.axis.turn, findings)
+    for kind in (kind for kind in ("position", f"{OUTPUT}position") if kind in values):
+        channel, count = channels[kind]
+        widths = [2.0**bits * abs(count) for bits in COUNTER_BITS if channel.unit == COUNT]
+        for period in (*widths, *(turn for turn in (case.axis.turn,) if turn)):
+            values[kind] = _unwrapped(values[kind], period, findings)
     return values
 
 
@@ -145,7 +153,7 @@ def _factor(source: ForeignSource, channel: Channel, case: Case) -> float:
 
 
 def _unwrapped(angle: Array, turn: float, findings: Findings) -> Array:
-    """An angle that begins anew at each turn, counted on (n,) [rad]; any other as it is."""
+    """A position that begins anew after each turn, or each period of its counter, counted on (n,); else as it is."""
     steps = np.diff(angle)
     jumps = np.abs(np.abs(steps) - turn) < WRAPPED * turn
     if not jumps.any() or np.abs(steps[~jumps]).max(initial=0.0) > 0.5 * turn:
@@ -161,6 +169,8 @@ def _check_units(source: ForeignSource, channels: Mapping[str, tuple[Channel, fl
         where = f"{source.path}: {channel.name}"
         declared = _spelled(channel_of(source, channel.name, where).unit)
         if not declared or declared == _spelled(channel.unit):
+            continue
+        if channel.unit == COUNT and declared_unit(declared) in COUNTS:
             continue
         if declared in KNOWN_UNITS:
             do = "Correct the unit where the channel is named, or the recording."
