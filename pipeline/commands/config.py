@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.importers.supply import read_supply
-from pmg.pipeline.model.read_model import read_model
+from pmg.pipeline.model.read_motion_model import read_any_model
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.settings.bench_in_force import bench_in_force
 from pmg.pipeline.settings.chosen import KEYS, choose
@@ -124,7 +124,7 @@ def _checks(chosen: Chosen) -> Iterator[Callable[[], object]]:
     if (chart := chosen.path("map")) is not None:
         yield lambda: read_supply(chart)
     if (model := chosen.path("model")) is not None:
-        yield lambda: read_model(model)
+        yield lambda: read_any_model(model, bench_in_force(chosen.path("store"), chosen.text("machine")))
     if (store := chosen.path("store")) is not None:
         yield lambda: Store(store)
     yield lambda: bench_in_force(store, chosen.text("machine"))

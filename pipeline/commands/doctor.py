@@ -17,8 +17,8 @@ from pmg.pipeline.importers.supply import read_supply
 from pmg.pipeline.machine.machine_file import MACHINE_SCHEMA, read_machine
 from pmg.pipeline.machine.magnetic import usual
 from pmg.pipeline.machine.shipped import machine_path
-from pmg.pipeline.model.model_file import SCHEMA as MODEL_SCHEMA
-from pmg.pipeline.model.read_model import read_model
+from pmg.pipeline.model.model_file import MOTION_SCHEMA, SCHEMA, Model
+from pmg.pipeline.model.read_motion_model import read_any_model
 from pmg.pipeline.preflight.abilities import NO, Design, abilities, zero_ability
 from pmg.pipeline.preflight.environment import BAD, OK, environment
 from pmg.pipeline.preflight.motion import motion_abilities, motion_summary
@@ -65,10 +65,13 @@ def _file(path: Path) -> Outcome:
     text = path.read_text(encoding="utf-8", errors="replace")
     if MACHINE_SCHEMA in text:
         return check_machine(str(path), None)
-    if MODEL_SCHEMA not in text:
+    if SCHEMA not in text and MOTION_SCHEMA not in text:
         return run_check(path)
-    model = read_model(path)
-    parts = [f"{part.kind.title} ({part.shaft})" for part in model.parts]
+    model = read_any_model(path, load_bench())
+    if isinstance(model, Model):
+        parts = [f"{part.kind.title} ({part.shaft})" for part in model.parts]
+    else:
+        parts = [cause.term.title for cause in model.causes]
     line = f"{path}: sound, a model with {' and '.join(parts) if parts else 'no mechanism beyond the baseline'}"
     return Outcome({"model": str(path), "mechanisms": parts}, (line,))
 

@@ -34,7 +34,7 @@ class MotionPrediction:
     Parameters
     ----------
     without, predicted, fitted : float
-        With the constants of the model alone; with its causes; and with constants fitted to these runs beside them.
+        With the constants of the model alone; with its causes; and with constants fitted to the runs as they are judged.
     unseen : bool
         Whether the model was made of other runs.
     """
@@ -45,13 +45,21 @@ class MotionPrediction:
     unseen: bool
 
     @property
+    def acts(self) -> bool:
+        """Whether the causes of the model act in these runs as well: with them, less torque is missing."""
+        return self.predicted <= self.without
+
+    @property
     def sentence(self) -> str:
         """For people."""
         without, predicted, fitted = (f"{1e3 * each:.2f}" for each in (self.without, self.predicted, self.fitted))
         verb = "predicts these runs with" if self.unseen else "made of these very runs, so this is no prediction:"
+        absent = (
+            "" if self.acts else " With what it names they are predicted worse, so that they are judged without it."
+        )
         return (
             f"{verb} {predicted} mN m; {without} with its constants alone, {fitted} with constants fitted to these "
-            "runs. Its constants stand for the data sheet here."
+            f"runs.{absent} Its constants stand for the data sheet here."
         )
 
 
@@ -62,6 +70,7 @@ def apply_motion_model(
 
     Notes
     -----
+    Where the runs are predicted worse with the causes than without, these do not act in them: they stay as they are.
     Where the poles stood at the start of a run, zeros and clocks are of the campaign and fitted to it; all else is the
     model's. What a cause adds is worked out at the fine samples, whose band is wider than that of the rows; before the
     first and after the last of them the torque that it acts on is not known (NaN). A lag is taken out together with the
@@ -87,6 +96,8 @@ def apply_motion_model(
     apart = _without(about, model.causes)
     cleared = tuple(replace(run, torque=apart.get(run.name, run.torque)) for run in runs)
     predicted, _, _ = fit_constants(cleared, bench, known)
+    if _missing(predicted) > _missing(alone):
+        cleared = runs
     fitted, _, _ = fit_constants(cleared, bench)
     return cleared, MotionPrediction(_missing(alone), _missing(predicted), _missing(fitted), unseen)
 

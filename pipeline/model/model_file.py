@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.mechanisms import Mechanism
 
-SCHEMA = "pmg.model/1"
+SCHEMA, MOTION_SCHEMA = "pmg.model/1", "pmg.motion-model/1"
+"""Of a model of steady points, and of one of runs in motion."""
 FILE = "model.toml"
 
 

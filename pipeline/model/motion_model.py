@@ -14,7 +14,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.traces import named_fits
 from pmg.pipeline.files.atomic import write_atomic
-from pmg.pipeline.model.model_file import FILE
+from pmg.pipeline.model.model_file import FILE, MOTION_SCHEMA
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
     from pmg.pipeline.motion.run import MovingRun
 
-SCHEMA = "pmg.motion-model/1"
 OWN = ("zero", "ripple", "eccentricity", "pole_angle", "skew")
 """Beginnings of the names of constants that every campaign has of its own: clocks, zeros, and phases of a counter."""
 
@@ -146,7 +145,7 @@ def _text(model: MotionModel) -> str:
 def _lines(model: MotionModel) -> Iterator[str]:
     yield "# Model of the bench in motion: constants of its rotors, couplings and gear, and the causes that were named."
     yield "# Use it with 'pmg compare --model' on other runs in motion. Values may be changed by hand."
-    yield f"schema = {json.dumps(SCHEMA)}"
+    yield f"schema = {json.dumps(MOTION_SCHEMA)}"
     yield f"campaign = {json.dumps(model.campaign, ensure_ascii=False)}"
     yield f"gear = {model.gear}"
     yield ""

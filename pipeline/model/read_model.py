@@ -21,7 +21,7 @@ from pmg.pipeline.files.strict_tables import (
 )
 from pmg.pipeline.files.table_file import read_table_file
 from pmg.pipeline.fit.calibration import CONSTANTS
-from pmg.pipeline.model.model_file import SCHEMA, Model, Part
+from pmg.pipeline.model.model_file import MOTION_SCHEMA, SCHEMA, Model, Part
 from pmg.sim.errors import BenchError, near_miss
 from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
@@ -172,10 +172,16 @@ class _MechanismTable(Strict):
         return Part(self.kind, self.shaft, values, _errors_of(given))
 
 
+def _of_steady_points(value: object) -> str:
+    if value == MOTION_SCHEMA:
+        refuse(repr(value), f'"{SCHEMA}"', "It is a model of runs in motion: use it on a campaign of such runs alone.")
+    return word_of(value, (SCHEMA,))
+
+
 class _ModelTable(Strict):
     """All tables of a model file."""
 
-    schema_: Annotated[str, one_of(SCHEMA), Field(alias="schema")]
+    schema_: Annotated[str, BeforeValidator(_of_steady_points), Field(alias="schema")]
     provenance: dict[str, Annotated[str, BeforeValidator(str)]] = Field(default_factory=dict)
     baseline: _BaselineTable
     mechanism: list[_MechanismTable] = Field(default_factory=list)

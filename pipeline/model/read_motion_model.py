@@ -10,13 +10,15 @@ from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.files.strict_tables import Strict, number_within, one_of, refuse, refusing, word_of
 from pmg.pipeline.files.table_file import read_table_file
-from pmg.pipeline.model.model_file import SCHEMA as OF_STEADY_POINTS
-from pmg.pipeline.model.motion_model import SCHEMA, TERMS, MotionCause, MotionModel
+from pmg.pipeline.model.model_file import MOTION_SCHEMA, SCHEMA
+from pmg.pipeline.model.motion_model import TERMS, MotionCause, MotionModel
+from pmg.pipeline.model.read_model import read_model
 from pmg.sim.errors import near_miss
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pmg.pipeline.model.model_file import Model
     from pmg.sim.bench import BenchParameters
 
 
@@ -58,9 +60,9 @@ class _CauseTable(Strict):
 
 
 def _of_motion(value: object) -> str:
-    if value == OF_STEADY_POINTS:
-        refuse(repr(value), f'"{SCHEMA}"', "It is a model of steady points: use it on a campaign that has some.")
-    return word_of(value, (SCHEMA,))
+    if value == SCHEMA:
+        refuse(repr(value), f'"{MOTION_SCHEMA}"', "It is a model of steady points: use it on a campaign that has some.")
+    return word_of(value, (MOTION_SCHEMA,))
 
 
 class _MotionModelTable(Strict):
@@ -97,3 +99,15 @@ def read_motion_model(path: Path, bench: BenchParameters) -> MotionModel:
     return MotionModel(
         given.campaign, given.gear, constants, tuple(cause.cause() for cause in given.cause), given.provenance
     )
+
+
+def read_any_model(path: Path, bench: BenchParameters) -> Model | MotionModel:
+    """The model in a file, of steady points or of runs in motion, as its schema says.
+
+    Raises
+    ------
+    BenchError
+        The file is not there, is no TOML, or holds something unknown, contradictory or out of its bounds.
+    """
+    text = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
+    return read_motion_model(path, bench) if MOTION_SCHEMA in text else read_model(path)

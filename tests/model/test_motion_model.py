@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from tests.diagnosis.test_late_torque import lagged_runs
 from tests.diagnosis.test_motion import _campaign, _run, _with_torque
 
+from pmg.pipeline.commands.config import check_choices
+from pmg.pipeline.commands.doctor import run_doctor
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
@@ -26,8 +28,10 @@ from pmg.pipeline.model.motion_model import (
     leave_motion_model,
     motion_model_of,
 )
-from pmg.pipeline.model.read_motion_model import read_motion_model
+from pmg.pipeline.model.read_model import read_model
+from pmg.pipeline.model.read_motion_model import read_any_model, read_motion_model
 from pmg.pipeline.recording.run_records import Manoeuvre
+from pmg.pipeline.settings.chosen import choose
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import BenchError, FitError
 
@@ -116,6 +120,21 @@ def test_a_model_predicts_runs_that_it_has_not_seen() -> None:
     assert motion_model_of(second, cleared, model).causes == model.causes
     with pytest.raises(FitError, match="gear 2"):
         apply_motion_model(replace(model, gear=2), _campaign(42), bench)
+    sound = _campaign(44)
+    kept, absent = apply_motion_model(model, sound, bench)
+    assert absent is not None
+    assert kept == sound, "a cause that does not act in them is not put into them"
+    assert "judged without it" in absent.sentence
+
+
+def test_a_model_of_either_kind_is_read_where_any_is_asked_for(tmp_path: Path) -> None:
+    model = MotionModel("a", 1, {"inertia_sun": (1e-3, 1e-6)})
+    (path,) = leave_motion_model(model, tmp_path, None)
+    check_choices(choose(None, model=path))
+    assert run_doctor(path, None, None, None, None).lines[0].endswith("no mechanism beyond the baseline")
+    assert read_any_model(path, load_bench()) == read_motion_model(path, load_bench())
+    with pytest.raises(BenchError, match="use it on a campaign of such runs alone"):
+        read_model(path)
 
 
 def test_a_lag_is_taken_out_of_a_reading_that_comes_late_besides() -> None:

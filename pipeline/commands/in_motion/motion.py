@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -132,7 +132,8 @@ def diagnosed_motion(
     facts = {"points": {"accepted": len(moving), "rejected": len(aside)}, "diagnosis": document["verdict"]}
     files = write_report(page, report, facts)
     left = leave_diagnosis(document, report)
-    found = leave_motion_model(motion_model_of(diagnosis, runs, given), report, model)
+    carried = replace(given, causes=()) if predicted is not None and not predicted.acts else given
+    found = leave_motion_model(motion_model_of(diagnosis, runs, carried), report, model)
     written = (*files, report / DIAGNOSIS, *found)
     leave_crate_of_files(report, "pmg compare", recordings, written, began, clock)
     data = {
