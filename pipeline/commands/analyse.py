@@ -14,7 +14,7 @@ from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.budget import budget_of
 from pmg.pipeline.fit.budget_remarks import budget_remarks
 from pmg.pipeline.fit.options import AnalysisOptions
-from pmg.pipeline.grid.campaign import measured_grid
+from pmg.pipeline.grid.campaign import failed_sources, measured_grid
 from pmg.pipeline.grid.completeness import lack_findings, stored_earlier
 from pmg.pipeline.grid.crosschecks.checked import checked_campaign
 from pmg.pipeline.grid.tables import read_published
@@ -155,11 +155,6 @@ def _replaced(folder: Path, before: str | None, campaign: str) -> tuple[Remark, 
         return ()
     message = f"replaces the analysis of {before}; a store holds one analysis: give each campaign a store to keep both"
     return (Remark("warning", str(folder), message),)
-
-
-def failed_sources(store: Path) -> tuple[Manifest, ...]:
-    """Sources of a store that are not usable; of which campaign they are is not known."""
-    return tuple(manifest for manifest in Store(store).manifests() if not manifest.ingested)
 
 
 def _analysis_lines(analysis: Analysis, folder: Path, failed: int) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import shutil
 import tempfile
 import weakref
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, Unpack
+from typing import TYPE_CHECKING, Unpack, overload
 
 import numpy as np
 
@@ -18,11 +18,13 @@ from pmg.pipeline.commands.analyse import gather
 from pmg.pipeline.commands.audit_entry import audited_from_python
 from pmg.pipeline.commands.compare import write_results
 from pmg.pipeline.commands.compare_and_diagnose import SEED, diagnose_campaign, simulate_campaign
+from pmg.pipeline.commands.in_motion.notebook import MotionCampaignDiagnosis, diagnose_in_motion
 from pmg.pipeline.commands.ingest import IngestOptions, run_ingest
 from pmg.pipeline.commands.notebook_results import (
     CampaignAnalysis,
     CampaignComparison,
     CampaignDiagnosis,
+    FittingChoices,
     IngestedCampaigns,
 )
 from pmg.pipeline.commands.stored_analysis import analysed
@@ -124,24 +126,6 @@ def ingest(
     return found
 
 
-class FittingChoices(TypedDict, total=False):
-    """How the losses of a campaign are fitted.
-
-    Parameters
-    ----------
-    include_rest : bool, optional
-        Whether readings of a shaft at rest take part in the loss curves.
-    robust : bool
-        Huber's M-estimate of the loss curves instead of least squares.
-    damping : str, optional
-        Weights of K_corr and the damping constants: ``"least-squares"`` or ``"bisquare"``.
-    """
-
-    include_rest: bool | None
-    robust: bool
-    damping: str | None
-
-
 @one_thread()
 def analyse(
     recordings: IngestedCampaigns | str | Path | None = None,
@@ -232,22 +216,50 @@ def compare(analysis: CampaignAnalysis, model: str | Path | None = None) -> Camp
     return CampaignComparison(analysis, simulated)
 
 
+@overload
+def diagnose(found: CampaignComparison, *, seed: int = SEED) -> CampaignDiagnosis: ...
+@overload
+def diagnose(
+    found: IngestedCampaigns, *, campaign: str | None = None, model: str | Path | None = None
+) -> MotionCampaignDiagnosis: ...
 @one_thread()
-def diagnose(comparison: CampaignComparison, *, seed: int = SEED) -> CampaignDiagnosis:
+def diagnose(
+    found: CampaignComparison | IngestedCampaigns,
+    *,
+    seed: int = SEED,
+    campaign: str | None = None,
+    model: str | Path | None = None,
+) -> CampaignDiagnosis | MotionCampaignDiagnosis:
     """Name what the simulation left out, or say why it cannot be determined.
 
     Parameters
     ----------
-    comparison : CampaignComparison
-        A campaign compared with its simulation.
+    found : CampaignComparison or IngestedCampaigns
+        A campaign compared with its simulation; of runs in motion what `ingest` gave, as they need no grid.
     seed : int
-        Of the synthetic campaigns behind the p-value.
+        Of the synthetic campaigns behind the p-value; of runs in motion it is that of the command.
+    campaign : str, optional
+        Which campaign in motion, where there are several.
+    model : str or Path, optional
+        A model of other runs in motion, whose causes are taken out before.
 
     Returns
     -------
-    CampaignDiagnosis
+    CampaignDiagnosis or MotionCampaignDiagnosis
+
+    Raises
+    ------
+    StoreError
+        When there is no such campaign.
+    FitError
+        When it is none of both, or its runs do not permit a diagnosis.
     """
-    whole = comparison.analysis.whole
+    if isinstance(found, IngestedCampaigns):
+        return diagnose_in_motion(found, campaign, None if model is None else Path(model))
+    if not isinstance(found, CampaignComparison):
+        expected = "what compare gave, or, of runs in motion, what ingest gave"
+        raise FitError("diagnose", type(found).__name__, expected, "Pass that.")
+    comparison, whole = found, found.analysis.whole
     rng = np.random.default_rng(seed)
     judged = diagnose_campaign(whole.analysis, comparison.simulated, whole.bench, rng, whole.beside_motion)
     return CampaignDiagnosis(comparison.analysis, judged, seed)
@@ -255,7 +267,7 @@ def diagnose(comparison: CampaignComparison, *, seed: int = SEED) -> CampaignDia
 
 @one_thread()
 def write_report(
-    diagnosis: CampaignDiagnosis,
+    diagnosis: CampaignDiagnosis | MotionCampaignDiagnosis,
     folder: str | Path,
     *,
     note: str = "",
@@ -265,20 +277,22 @@ def write_report(
 
     Parameters
     ----------
-    diagnosis : CampaignDiagnosis
+    diagnosis : CampaignDiagnosis or MotionCampaignDiagnosis
         Of a campaign.
     folder : str or Path
         Where; made when it is not there.
     note : str
         Told at the head of the report.
     tolerances : mapping, optional
-        Tolerances of the comparison, by quantity: absolute [SI] and relative.
+        Tolerances of the comparison with steady points, by quantity: absolute [SI] and relative.
 
     Returns
     -------
     Path
         The page.
     """
+    if isinstance(diagnosis, MotionCampaignDiagnosis):
+        return diagnosis.write(Path(folder), note)
     page = diagnosis.report_with(note, tolerances) if note or tolerances else diagnosis.report
     files, _ = write_results(page, diagnosis.analysis.whole, diagnosis.judged, Path(folder), tolerances)
     return files[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import pandas as pd
 import polars as pl
@@ -79,6 +79,24 @@ class IngestedCampaigns:
     windows: int
     rejected: int
     findings: tuple[dict[str, Any], ...] = field(repr=False)
+
+
+class FittingChoices(TypedDict, total=False):
+    """How the losses of a campaign are fitted.
+
+    Parameters
+    ----------
+    include_rest : bool, optional
+        Whether readings of a shaft at rest take part in the loss curves.
+    robust : bool
+        Huber's M-estimate of the loss curves instead of least squares.
+    damping : str, optional
+        Weights of K_corr and the damping constants: ``"least-squares"`` or ``"bisquare"``.
+    """
+
+    include_rest: bool | None
+    robust: bool
+    damping: str | None
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.commands.analyse import failed_sources
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.budget import budget_of
+from pmg.pipeline.grid.campaign import failed_sources
 from pmg.pipeline.grid.crosschecks.checked import checked_campaign
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.window_facts import marked_as_simulated, rated, window_facts

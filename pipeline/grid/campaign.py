@@ -34,6 +34,11 @@ def campaigns(manifests: list[Manifest]) -> list[str]:
     return sorted({manifest.campaign for manifest in manifests if manifest.ingested})
 
 
+def failed_sources(store: Path) -> tuple[Manifest, ...]:
+    """Sources of a store that are not usable; of which campaign they are is not known."""
+    return tuple(manifest for manifest in Store(store).manifests() if not manifest.ingested)
+
+
 def choose_campaign(store: Store, name: str | None) -> tuple[str, list[Manifest]]:
     """The campaign of that name, or the only one, with the manifests of its sources, copies of a window rejected.
 

@@ -34,7 +34,7 @@ class MotionPrediction:
     Parameters
     ----------
     without, predicted, fitted : float
-        With the constants of the model alone; with its causes; and with constants fitted to the runs as they are judged.
+        With the constants of the model alone; with its causes; and with constants fitted to the runs as judged.
     unseen : bool
         Whether the model was made of other runs.
     """

@@ -18,12 +18,14 @@ from tests.motion.moving_bench import started
 from tests.recording.writer import Bench, write
 from tests.report import chromium
 
+from pmg.pipeline import diagnose, ingest, write_report
 from pmg.pipeline.commands.compare import run_all
 from pmg.pipeline.commands.in_motion.motion import compare_motion, remove_motion_report
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.settings.chosen import choose
 from pmg.pipeline.trials.motion.nature import MotionCase, draw_motion_case, write_motion_case
 from pmg.pipeline.trials.motion.strata import MotionStratum
+from pmg.sim.errors import FitError
 
 RUNS = ("Z_0", "N_ring_up", "N_ring_dither")
 HEAVIER = 1.2
@@ -105,6 +107,28 @@ def test_the_cause_is_named_in_the_document(told: tuple[MotionCase, Outcome, Pat
     assert not outcome.partial
     assert {str(finding.severity) for finding in outcome.findings} == {"info"}  # they say that it is simulated
     assert f"{found['phrase']}: {found['statement']}" in outcome.lines
+
+
+def test_the_same_comes_from_python_and_a_recording_that_is_cut_off_is_told_on_the_page(
+    told: tuple[MotionCase, Outcome, Path], tmp_path: Path
+) -> None:
+    _, _, report = told
+    recordings = tmp_path / "in"
+    shutil.copytree(report.parent / "in", recordings)
+    (recordings / "cut.mcap").write_bytes(next(iter(recordings.glob("*.mcap"))).read_bytes()[:200])
+    diagnosis = diagnose(ingest(recordings))
+    assert diagnosis.to_dict() == document(report)
+    assert (diagnosis.verdict, diagnosis.mechanisms[0]["shaft"]) == ("named", "ring")
+    assert diagnosis.p_value < 0.05
+    assert diagnosis.constants["inertia_ring"][1] > 0.0
+    name = next(iter(diagnosis.figures))
+    assert diagnosis.figure(name).startswith(b"\x89PNG")
+    page = write_report(diagnosis, tmp_path / "report", note="From a script").read_text(encoding="utf-8")
+    assert "From a script" in page
+    assert "2 of 2; 1 recording not usable" in page
+    assert "cut.mcap is not usable: " in page
+    with pytest.raises(FitError, match="what ingest gave"):
+        diagnose(report)  # type: ignore[call-overload]
 
 
 def test_the_steps_of_a_diagnosis_are_announced_in_order(told: tuple[MotionCase, Outcome, Path]) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from pmg.pipeline.chapters.bench_parts import parts_of
-from pmg.pipeline.commands.in_motion.motion import FOLDER, diagnosed_motion
+from pmg.pipeline.commands.in_motion.motion import FOLDER, judge_motion, write_motion
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document, mechanism_fact
 from pmg.pipeline.diagnosis.joint.document import joint_document, joint_sentence, titles
 from pmg.pipeline.diagnosis.joint.join import ANYWHERE, JointDiagnosis, join
@@ -194,14 +194,14 @@ def diagnose_mixed(
         said = "runs in motion are not held against a given model; compare without --model to diagnose them"
         return None, (Remark("info", "runs in motion", said),)
     try:
-        moving = diagnosed_motion(
-            whole.store, whole.analysis.grid.campaign, report / FOLDER, note, progress, clock=clock
-        )
+        began = clock()
+        moving = judge_motion(whole.store, whole.analysis.grid.campaign, progress)
+        outcome, page = write_motion(moving, report / FOLDER, began, note, clock=clock)
     except PmgError as error:
         return None, (Remark("warning", "runs in motion", f"not diagnosed: {error}"),)
-    document = moving.outcome.data["diagnosis"]
+    document = outcome.data["diagnosis"]
     if judged is None:
-        return MixedDiagnosis(None, document, moving.outcome), ()
+        return MixedDiagnosis(None, document, outcome), ()
     calibration, of_points = whole.analysis.calibration, diagnosis_document(judged.diagnosis)
     assert calibration is not None  # what was judged was calibrated
     kinds = (
@@ -213,8 +213,8 @@ def diagnose_mixed(
     return MixedDiagnosis(
         joint,
         joint_document(joint, of_points, document),
-        moving.outcome,
-        moving.sheet,
+        outcome,
+        page.sheet,
         (str(of_points["phrase"]), str(document["phrase"])),
         (points, runs),
     ), ()
