@@ -28,7 +28,7 @@ from pmg.pipeline.preflight.unlike_machine import unlike_the_machine
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.settings.bench_in_force import bench_in_force
-from pmg.pipeline.store.sources import PUBLISHED
+from pmg.pipeline.store.sources import PUBLISHED, passed_over
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.bench import load_bench
 
@@ -129,6 +129,7 @@ def _of_recordings(
         Remark("warning", file.name, f"the same bytes as {file.copy}: counts once") for file in found.files if file.copy
     ]
     findings += [Remark("warning", file.name, file.damage) for file in found.files if file.damage]
+    findings += [Remark("warning", each.file, f"{each.message}. {each.do}") for each in passed_over(place)]
     findings += unlike_the_machine(found.usable, bench)
     findings += [Remark("warning", check.what, check.description) for check in checks if check.state != OK]
     findings += [

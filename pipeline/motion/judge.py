@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.grid.crosschecks.declared import RATIO_LIMIT
 from pmg.pipeline.motion.faults import clipped, leaps, longest_piece, spikes, stand_outs, still
 from pmg.pipeline.motion.phases import spans
 from pmg.pipeline.recording.checks.stretches import stretches, tell_stretches
@@ -36,6 +37,8 @@ PERIOD = REVOLUTION
 """Period of the pole angle [rad]."""
 ONSET_S = 0.1
 """Time before the poles are half a period off from which a slip is left out [s]."""
+HELD, LEAST_TRAVEL = 0.5, 4.0 * REVOLUTION
+"""Angle of the sun by which coupled poles give way at most; travel of the ring from which on a ratio tells [rad]."""
 LEAST_S, LEAST_PART = 1.0, 0.5
 """Least time [s], and part of a run, in which all signals must be known."""
 
@@ -70,6 +73,7 @@ class _Judge:
             self._mask_angles()
             self._mask_spikes()
             self._require_motion()
+            self._require_its_gear()
             self._mask_slip()
             self._require_enough()
         calibration = self.recording.calibration
@@ -188,6 +192,23 @@ class _Judge:
             "Check that the drives were enabled and that the encoders count.",
         )
 
+    def _require_its_gear(self) -> None:
+        """An engaged gear that the machine has, and the ratio of its speeds where another one holds throughout."""
+        run, bench = self.recording.run, self.bench
+        if self.reasons or run.configuration is not Configuration.ENGAGED:
+            return
+        if run.gear not in bench.stages:
+            has = " and ".join(f"gear {stage}" for stage in bench.stages)
+            message = f"declared engaged in gear {run.gear}; expected {has} of this machine"
+            self._set_aside(Code.OTHER_GEAR, message, "Name the file of the machine by --machine, or correct the gear.")
+            return
+        ratio = bench.gear(run.gear).ratio
+        found = _ratio_held(self.signals["angle_sun"], self.signals["angle_ring"])
+        if found is not None and abs(found / ratio - 1.0) > RATIO_LIMIT:
+            message = f"the speeds have the ratio {found:.4g} throughout; expected {ratio:.4g} of gear {run.gear}"
+            do = "It is another machine or gear: name its file by --machine, or correct the gear of the run."
+            self._set_aside(Code.OTHER_GEAR, message, do)
+
     def _mask_slip(self) -> None:
         """All signals from where the poles of the engaged gear slip past each other."""
         run, first = self.recording.run, self.span.first_sample
@@ -228,6 +249,18 @@ class _Judge:
     def _set_aside(self, code: Code, message: str, do: str) -> None:
         self.findings.error(code, self.span.point, f"{message}. The run is set aside", do)
         self.reasons.append(f"{code.value}: {message}")
+
+
+def _ratio_held(sun: Array, ring: Array) -> float | None:
+    """Ratio of the speeds that holds through a whole run, within `HELD`; None where none does, or the ring rests."""
+    known = np.isfinite(sun) & np.isfinite(ring)
+    if not known.any():
+        return None
+    sun, ring = sun[known] - sun[known][0], ring[known] - ring[known][0]
+    if float(np.ptp(ring)) < LEAST_TRAVEL:
+        return None
+    ratio = float(sun @ ring) / float(ring @ ring)
+    return abs(ratio) if float(np.abs(sun - ratio * ring).max()) < HELD else None
 
 
 def _moves(angle: Array, count: float) -> bool:

@@ -17,7 +17,7 @@ from pmg.pipeline.recording.codes import Severity
 from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.container.gathered import FIELDS_KEY
 from pmg.pipeline.recording.events import read_steps
-from pmg.pipeline.recording.findings import Findings, UnusableRecordingError
+from pmg.pipeline.recording.findings import Code, Findings, UnusableRecordingError
 from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.recording.run import read_run
 from pmg.pipeline.recording.run_records import Setpoints
@@ -106,6 +106,10 @@ def _look(path: Path, name: str, bench: BenchParameters, supplied: Supplied = NO
     errors = [f"{f.where}: {f.message}" for f in findings.listed() if f.severity == Severity.ERROR]
     absent = [what for what, kinds in NEEDED.items() if not any(t in channels for kind in kinds for t in kind)]
     if run is None or calibration is None or absent:
+        cut = next((f for f in findings.gathered if f.code is Code.TRUNCATED), None)
+        if cut is not None:
+            why = "; ".join([f"{cut.message}. {cut.do}", *(f"else, {each}" for each in refused[:1])])
+            return File(name, size, unusable=why, channels=channels, sha256=sha256)
         why = refused[0] if run is None or calibration is None else f"no {' and no '.join(absent)}"
         damage = next((known for known in errors if not any(why.startswith(known) for why in refused)), "")
         return File(name, size, unusable=why, damage=damage, channels=channels, sha256=sha256)

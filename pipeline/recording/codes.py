@@ -79,6 +79,7 @@ class Code(StrEnum):
     CLIPPED = "motion.torque_clipped"
     SPIKES = "motion.torque_spikes"
     POLES_SLIPPED = "motion.poles_slipped"
+    OTHER_GEAR = "motion.other_gear"
     TOO_LITTLE = "motion.too_little"
     RATE_DISAGREES = "samples.rate_disagrees"
     START_DISAGREES = "run.start_disagrees"

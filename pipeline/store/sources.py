@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.files.notes import note_read
 from pmg.pipeline.recording.codes import Code, Severity
+from pmg.pipeline.recording.container.records import MAGIC
 from pmg.pipeline.recording.findings import Finding
 from pmg.sim.errors import RecordingError
 
@@ -178,6 +179,24 @@ def find_recordings(place: Path) -> list[Path]:
     return found
 
 
+def passed_over(place: Path) -> tuple[Finding, ...]:
+    """Recordings by their content that the folder holds under another ending, and that are not read."""
+    if not place.is_dir():
+        return ()
+    found = []
+    for path in sorted(each for each in place.rglob("*") if each.suffix.lower() != SUFFIX and each.is_file()):
+        try:
+            with path.open("rb") as file:
+                alike = file.read(len(MAGIC)) == MAGIC
+        except OSError:
+            continue
+        if alike:
+            name, do = path.relative_to(place).as_posix(), f"Rename it to {path.stem}{SUFFIX}, or move it elsewhere."
+            message = f"a recording by its content, without the ending {SUFFIX}: not read"
+            found.append(Finding(Severity.WARNING, "whole file", message, name, Code.UNEXPECTED, do))
+    return tuple(found)
+
+
 def take_inventory(place: Path, shard: Selection | None = None) -> Inventory:
     """Files of a place by content: the same bytes twice are one source, and said so.
 
@@ -195,8 +214,8 @@ def take_inventory(place: Path, shard: Selection | None = None) -> Inventory:
     """
     base = place if place.is_dir() else place.parent
     sources: dict[str, StoredSource] = {}
-    findings, unreadable = [], 0
     paths = find_recordings(place)
+    findings, unreadable = list(passed_over(place)), 0
     for path in paths if shard is None else shard.part(paths):
         name = os.fsencode(path.relative_to(base).as_posix()).decode("utf-8", "backslashreplace")
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -260,6 +261,20 @@ def test_a_gear_that_slips_is_known_up_to_its_slip(tmp_path: Path) -> None:
         (unknown,) = np.nonzero(np.isnan(signal))
         assert 900 < unknown[0] <= 1000
         assert np.array_equal(unknown, np.arange(unknown[0], len(signal)))
+
+
+def test_an_engaged_run_of_another_ratio_or_gear_is_set_aside(tmp_path: Path) -> None:
+    turning = geared() | {"ring": 1.1 * geared()["ring"]}
+    runs, _, manifest = one(tmp_path, speeds=turning, run=ENGAGED)
+    (told,) = manifest["findings"]
+    assert told["code"] == "motion.other_gear"
+    assert "the ratio 2.364 throughout; expected 2.6 of gear 1" in told["message"]
+    assert "bad" not in runs
+    run_ingest(tmp_path / "in", tmp_path / "other", replace(ALONE, machine="thesis-gear-2"))
+    found = [f.message for m in Store(tmp_path / "other").manifests() for f in m.findings]
+    assert [each.partition(". The")[0] for each in found] == [
+        "declared engaged in gear 1; expected gear 2 of this machine"
+    ]
 
 
 def test_without_its_end_a_run_lasts_to_the_end_of_the_file(tmp_path: Path) -> None:

@@ -121,11 +121,15 @@ def test_damage_is_told_and_what_lacks_a_channel_is_not_usable(tmp_path: Path) -
     (tmp_path / "b.mcap").write_bytes(sound.read_bytes()[: sound.stat().st_size * 2 // 3])
     write(tmp_path / "c.mcap", Bench(without=frozenset({"/daq/encoder_sun/count"})))
     (tmp_path / "d.mcap").write_bytes(b"no recording at all")
+    (tmp_path / "e.mcap").write_bytes(sound.read_bytes()[:100])
+    (tmp_path / "f.txt").write_bytes(sound.read_bytes())
     found = call("doctor", tmp_path, expect=0)
     data = found["data"]
-    assert (data["recordings"], data["usable"]) == (4, 2)
+    assert (data["recordings"], data["usable"]) == (5, 2)
     unusable = [f for f in found["findings"] if f["message"].startswith("unusable")]
-    assert {f["where"] for f in unusable} == {"c.mcap", "d.mcap"}
+    assert {f["where"] for f in unusable} == {"c.mcap", "d.mcap", "e.mcap"}
+    assert "the file ends after 100 bytes" in next(f["message"] for f in unusable if f["where"] == "e.mcap")
+    assert any(f["where"] == "f.txt" and "Rename it to f.mcap" in f["message"] for f in found["findings"])
     assert "angle of the sun" in next(f["message"] for f in unusable if f["where"] == "c.mcap")
     assert data["damaged"] == 1
 
@@ -196,7 +200,7 @@ def test_what_a_map_states_is_reckoned_with_and_its_lack_is_told_with_the_remedy
     short.mkdir()
     (short / "cut.mcap").write_bytes((folder / "cut.mcap").read_bytes()[:3000])
     told = [finding["message"] for finding in call("doctor", short, expect=2)["findings"]]
-    assert [("--map" in message, "end mark" in message) for message in told] == [(True, False), (False, True)]
+    assert [("--map" in message, "end mark" in message) for message in told] == [(True, True)]
     assert call("doctor", folder, "--map", chart, expect=0)["data"]["usable"] == 1
     done = call("run", folder, "--map", chart, "--store", tmp_path / "store", "--report", tmp_path / "report", expect=3)
     assert done["data"]["ingest"]["ingested"] == 1
