@@ -23,6 +23,7 @@ from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.levels import by_load
 from pmg.pipeline.grid.missing_uncertainty import unstated_columns, unstated_in
 from pmg.pipeline.grid.tables import frame_grid, grid_frame
+from pmg.pipeline.motion.stored import only_in_motion
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import Store, refuse_recordings
 from pmg.pipeline.wording.safe_text import spreadsheet_text
@@ -276,6 +277,9 @@ def read_analysis(store: Path) -> tuple[Grid, AnalysisOptions]:
         refuse_recordings(store)
         if not store.exists():
             Store(store).require()
+        if only_in_motion(each for each in Store(store).manifests() if each.ingested):
+            do = "Record steady points for this; 'pmg compare' diagnoses the runs in motion without them."
+            raise StoreError(str(store), "runs in motion alone", "an analysis of steady points", do)
         raise StoreError(
             str(store), "no analysis in it", f"{FOLDER}/{SUMMARY}", "Run 'pmg analyse' on this store first."
         )

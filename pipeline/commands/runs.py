@@ -27,12 +27,14 @@ from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 from pmg.pipeline.wording.safe_text import printable
 from pmg.sim.errors import closest, near_miss
 from pmg.sim.shafts import SIDES
+from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
     from pmg.pipeline.catalogue.entries import Cell
+    from pmg.pipeline.store.moving_record import MovingRecord
 
 LIMITS = "limits"
 """Part of a manifest with the limits by which windows were judged."""
@@ -107,8 +109,11 @@ def run_show(store: Path, name: str) -> Outcome:
     windows = [{column.name: for_json(column, row[column.name]) for column in COLUMNS} for row in found.rows]
     data = {"recording": found.document, "channels": channels, "windows": windows}
     lines = [*_head(found), *_section("channels", channels.items())]
+    moving = () if found.manifest is None else found.manifest.moving
+    for run in moving:
+        lines += _section(f"run in motion {printable(run.point)}", _run_lines(run, found.rows[0]["rate_hz"]))
     for row in found.rows:
-        if row["point"] is not None:
+        if row["point"] is not None and not moving:
             lines += ["", f"window {printable(str(row['point']))}"]
             lines += [f"  {label:<18} {value}" for label, value in _window_lines(row)]
     lines += _finding_lines(found)
@@ -133,7 +138,8 @@ def _head(found: FoundRun) -> Iterator[str]:
     for key in ("name", "status", "sha256", "size", "rate_hz", "samples"):
         if row[key] is not None:
             yield f"  {key:<18} {shown(BY_NAME[key], row[key])}"
-    for part in ("origin", "run", "calibration", LIMITS):
+    windows = found.manifest is None or not found.manifest.moving  # whose limits say nothing of a run in motion
+    for part in ("origin", "run", "calibration", *((LIMITS,) if windows else ())):
         given = document.get(part, {})
         yield from _section(part, _limits(given) if part == LIMITS else _flat(given))
 
@@ -155,6 +161,18 @@ def _flat(document: Mapping[str, Any]) -> list[tuple[str, object]]:
             [(f"{key} {name}", inner) for name, inner in _flat(value)] if isinstance(value, dict) else [(key, value)]
         )
     return flat
+
+
+def _run_lines(run: MovingRecord, rate_hz: Cell) -> Iterator[tuple[str, str]]:
+    """What is known of a run in motion: its length, how it was judged, the reach of both shafts."""
+    if isinstance(rate_hz, float | int):
+        yield "length", f"{(run.stop_sample - run.first_sample) / rate_hz:.1f} s"
+    yield "judged", "accepted" if run.sound else f"set aside: {printable('; '.join(run.reasons))}"
+    for side in SIDES:
+        low, high = (end / RPM for end in (run.speed[side].lowest, run.speed[side].highest))
+        yield f"speed_{side}", f"{low:.1f} to {high:.1f} rpm" if run.turns[side] else "held"
+    for masked in run.masked:
+        yield "left out", f"{masked.column}, samples {masked.first_sample} to {masked.stop_sample}: {masked.why}"
 
 
 def _window_lines(row: Mapping[str, Cell]) -> Iterator[tuple[str, str]]:

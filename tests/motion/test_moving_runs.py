@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -29,9 +30,11 @@ from tests.motion.moving_bench import (
 )
 from tests.recording.writer import Bench, write
 
+from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.ingest import ALONE, run_ingest
 from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.commands.runs import run_show
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
 from pmg.pipeline.motion.run import MovingRun
@@ -270,6 +273,12 @@ def test_an_engaged_run_of_another_ratio_or_gear_is_set_aside(tmp_path: Path) ->
     assert told["code"] == "motion.other_gear"
     assert "the ratio 2.364 throughout; expected 2.6 of gear 1" in told["message"]
     assert "bad" not in runs
+    shown = "\n".join(run_show(tmp_path / "in-store", "bad.mcap").lines)
+    assert re.search(r"judged +set aside: motion.other_gear: the speeds have the ratio 2.364", shown)
+    assert "speed_sun " in shown
+    assert "window" not in shown
+    with pytest.raises(StoreError, match="steady points"):
+        read_analysis(tmp_path / "in-store")
     run_ingest(tmp_path / "in", tmp_path / "other", replace(ALONE, machine="thesis-gear-2"))
     found = [f.message for m in Store(tmp_path / "other").manifests() for f in m.findings]
     assert [each.partition(". The")[0] for each in found] == [
