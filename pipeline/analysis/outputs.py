@@ -280,9 +280,8 @@ def read_analysis(store: Path) -> tuple[Grid, AnalysisOptions]:
         if only_in_motion(each for each in Store(store).manifests() if each.ingested):
             do = "Record steady points for this; 'pmg compare' diagnoses the runs in motion without them."
             raise StoreError(str(store), "runs in motion alone", "an analysis of steady points", do)
-        raise StoreError(
-            str(store), "no analysis in it", f"{FOLDER}/{SUMMARY}", "Run 'pmg analyse' on this store first."
-        )
+        do = "Run 'pmg analyse' on this store first."
+        raise StoreError(str(store), "no analysis in it", f"{FOLDER}/{SUMMARY}", do)
     try:
         document = read_proven_json(summary)
         if document["schema"] != SCHEMA:

@@ -106,8 +106,8 @@ def run_of(given: Given, progress: Progress | None) -> Outcome | None:
     useless = [name for name, value in given.items() if value is not None]
     if useless:
         came = ", ".join(f"--{name.replace('_', '-')}" for name in useless)
-        raise BenchError("pmg run --machine", came, "RECORDINGS and --report alone", "Leave it out.")
+        raise BenchError("--machine", came, "RECORDINGS and --report alone", "Leave it out.")
     for name, value in (("RECORDINGS", recordings), ("--report", report)):
         if value is None:
-            raise BenchError("pmg run --machine", f"no {name}", "RECORDINGS and --report", f"Name {name}.")
+            raise BenchError("--machine", f"no {name}", "RECORDINGS and --report", f"Name {name}.")
     return run_machine(which, recordings, report, progress=progress)

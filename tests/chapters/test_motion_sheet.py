@@ -69,8 +69,8 @@ def test_a_named_cause_is_confirmed_in_the_run_that_shows_most_of_it() -> None:
     )
     rms = np.sqrt(12.5) * 1e3
     assert _expected((trace, 0.0)) == (
-        " Best is one like E_steps (steps, engaged, sun drives): its ring torque was off by "
-        f"{rms:.1f} mN m rms, with the cause by 100.0 mN m. Expect it to fall as much."
+        " Best is one like E_steps (steps, engaged, sun drives): where it shows most, its ring torque was off by "
+        f"{rms:.1f} mN m rms, with the cause by 100.0 mN m (2 s). Expect it to fall as much."
     )
     assert _expected(None) == ""
 

@@ -368,6 +368,6 @@ def test_a_campaign_in_motion_alone_has_no_grid_to_analyse(tmp_path: Path) -> No
     store, _ = ingested(folder)
     outcome = run_analyse(store.path, AnalysisOptions(), grids=None, campaign=None)
     assert outcome.lines == (
-        "campaign moving: no steady point, so no grid to analyse; 'pmg compare' diagnoses its 1 run in motion",
+        "campaign moving: no steady point, so no grid to analyse; the comparison diagnoses its 1 run in motion",
     )
     assert not outcome.partial

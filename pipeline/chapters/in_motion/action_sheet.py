@@ -155,7 +155,8 @@ def _expected(clearest: tuple[TorqueTrace, float] | None) -> str:
     off = ((trace.stretch.torque - each)[shown] / MILLI for each in (trace.before, trace.after))
     without, with_it = (float(np.sqrt(np.mean(each**2))) for each in off)
     of = trace.stretch.run.run
-    size = f"its {trace.stretch.side} torque was off by {without:.1f} mN m rms, with the cause by {with_it:.1f} mN m"
+    size = f"where it shows most, its {trace.stretch.side} torque was off by {without:.1f} mN m rms, with the cause by "
+    size += f"{with_it:.1f} mN m ({SHOWN:g} s)"
     like = f"{of.point} ({of.manoeuvre}, {of.configuration}{f', {of.drive} drives' * trace.stretch.coupled})"
     return f" Best is one like {like}: {size}. Expect it to fall as much."
 

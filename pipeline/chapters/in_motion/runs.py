@@ -26,6 +26,9 @@ BUCKETS = 110
 MISSING_EVERY = 0.5 * SMOOTHED
 """Time from one drawn missing torque to the next [s]."""
 
+RUNS_AWAY = 5000.0
+"""Error of a speed from which on a simulation runs away, several times what the bench turns [rpm]."""
+
 MEASURED, PREDICTED, SIMULATED = "measured", "predicted", "simulated"
 
 
@@ -57,7 +60,7 @@ def _simulated(shooting: Shooting, *, named: bool) -> Table:
     for shot in shooting.shots:
         length = "whole run" if math.isinf(shot.length) else f"{shot.length:g} s"
         before, after, noise = (float(SPEEDS[shot.side].display(v)) for v in (shot.before, shot.after, shot.noise))
-        errors: tuple[Cell, ...] = tuple(v if math.isfinite(v) else "runs away" for v in (before, after)[not named :])
+        errors: tuple[Cell, ...] = tuple(v if v < RUNS_AWAY else "runs away" for v in (before, after)[not named :])
         rows.append((length, shot.side, *errors, noise))
     return Table(
         "simulated-speed",

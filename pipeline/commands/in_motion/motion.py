@@ -58,7 +58,7 @@ def analyse_motion(store: Path, campaign: str) -> Outcome:
     manifests = choose_campaign(Store(store), campaign)[1]
     runs = [run for run in judged_runs(manifests) if run.manoeuvre.moves]
     line = (
-        f"campaign {campaign}: no steady point, so no grid to analyse; 'pmg compare' diagnoses its "
+        f"campaign {campaign}: no steady point, so no grid to analyse; the comparison diagnoses its "
         f"{counted(len(runs), 'run')} in motion"
     )
     return Outcome({"analysis": None, "folder": None, "moving": len(runs)}, (line,))

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.machine.machine import Machine, MachineShaft
     from pmg.pipeline.machine.tables import RecordsTable
 
+OF_A_GEAR = "MCAP of layout pmg.v1 is of a magnetic gear: name the machine file of one, or leave --machine out."
+"""What to do with recordings of the bench beside the file of another machine."""
+
 BASELINE = ("inertia", "viscous", "coulomb")
 """Terms that are taken for granted where a machine file says nothing else."""
 
@@ -214,7 +217,10 @@ def _files(records: Path, second: SecondFile | None) -> tuple[Path, ...]:
         found = tuple(path for path in found if second.replace[0] in path.name)
     if not found:
         expected = f"files that end in {', '.join(FORMATS)}"
-        raise RecordingError(str(records), "no recordings", expected, "Name the folder that holds them.")
+        others = sorted({path.suffix for path in records.rglob("*") if path.is_file() and path.suffix})
+        came = f"no recordings (but {', '.join(others[:5])})" if others else "no recordings"
+        do = OF_A_GEAR if ".mcap" in others else "Name the folder that holds them."
+        raise RecordingError(str(records), came, expected, do)
     return found
 
 
