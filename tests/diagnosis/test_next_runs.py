@@ -148,7 +148,7 @@ def test_a_campaign_that_cannot_see_is_told_the_run_that_shows_with_its_power() 
     assert test["power"] > 0.95
     assert test["minutes"] == pytest.approx(0.75)
     told = motion_document(found)["statement"]
-    assert "backwards (1 min; it would tell in 100% of cases)" in told
+    assert "backwards (1 min; it would show what these runs cannot in 100% of cases)" in told
     assert "drag that differs between the senses on the sun shaft" in told
 
 

@@ -91,7 +91,7 @@ def _answers(
         listed = numbered([each_cause(e) for e in (naming.best, *naming.rivals)], others=diagnosis.weak)
         unknown = ("Or one that the catalogue does not have.",) if diagnosis.weak else ()
         yield SheetAnswer("Possible causes", (*listed, *unknown), "rivals")
-    elif diagnosis.mismatch.found and diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
+    elif diagnosis.mismatch.found and diagnosis.verdict in (Verdict.NOT_IN_LIBRARY, Verdict.CONFOUNDED):
         closest = (f"{capitalised(words)}.",) if (words := nearest(diagnosis)) else ()
         yield SheetAnswer("Cause", ("No mechanism of the catalogue explains it: we can show where, not why.", *closest))
     yield SheetAnswer("How sure", _sureness(diagnosis), GROUNDS)
@@ -194,12 +194,13 @@ def _runs(stretches: tuple[RotorRows, ...], effect: tuple[Array, ...], side: str
 
 def _sureness(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
     mismatch = diagnosis.mismatch
+    alarms = f"{mismatch.false_alarm_rate:.0%} of sound campaigns would raise an alarm."
     if not mismatch.found:
-        alarms = f"{mismatch.false_alarm_rate:.0%} of sound campaigns would raise an alarm."
         return (f"{mismatch.tested} kinds of dependence were tested.", alarms)
     record = track_record(diagnosis, IN_MOTION)
     held = "" if record is None else record.sentence
-    return tuple(sentence for sentence in (proof_sentence(diagnosis), held) if sentence)
+    told = tuple(sentence for sentence in (proof_sentence(diagnosis), held) if sentence)
+    return told or (f"p ≤ {mismatch.p_value:.2g} for no difference; {alarms}",)
 
 
 def _costs(

@@ -64,7 +64,8 @@ class NextRun:
     @property
     def words(self) -> str:
         """What to do, how long it takes, with what power."""
-        return f"{uncapitalised(self.title)} ({self.minutes:.0f} min; it would tell in {self.power:.0%} of cases)"
+        does = "tell" if self.rivals else "show what these runs cannot"
+        return f"{uncapitalised(self.title)} ({self.minutes:.0f} min; it would {does} in {self.power:.0%} of cases)"
 
 
 def runs_to_see(found: MotionEvidence, blind: tuple[Unseen, ...], slow_noise: SlowNoise) -> tuple[NextRun, ...]:
