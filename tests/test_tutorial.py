@@ -3,48 +3,18 @@
 from __future__ import annotations
 
 import html
-import os
 import re
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from tests.conftest import ROOT
+from tests.walk import blocks_of, missing
+from tests.walk import walk as walk_through
 
 TUTORIAL = ROOT / "reports" / "tutorial.md"
-BLOCK = re.compile(r"^```sh\n(?P<script>.*?)^```\n(?:```text\n(?P<quoted>.*?)^```\n)?", re.DOTALL | re.MULTILINE)
-
-
-@dataclass(frozen=True)
-class Block:
-    """Commands, and the lines they are said to print; ``...`` stands for anything within a line."""
-
-    script: str
-    quoted: tuple[str, ...]
-
-    @property
-    def name(self) -> str:
-        return self.script.splitlines()[-1]
-
-
-def blocks(text: str) -> tuple[Block, ...]:
-    return tuple(Block(m["script"], tuple((m["quoted"] or "").splitlines())) for m in BLOCK.finditer(text))
-
-
-def missing(quoted: tuple[str, ...], printed: str) -> str | None:
-    """The first quoted line that does not come, in the order of the quotation; None where all do."""
-    lines = iter(line.rstrip() for line in printed.splitlines())
-    for line in quoted:
-        wanted = re.compile(".*".join(map(re.escape, (part.strip() for part in line.split("...")))).strip())
-        if line.strip() != "..." and not any(wanted.fullmatch(printed_line.strip()) for printed_line in lines):
-            return line
-    return None
-
-
-BLOCKS = blocks(TUTORIAL.read_text(encoding="utf-8"))
+BLOCKS = blocks_of("tutorial.md")
 
 
 @dataclass(frozen=True)
@@ -58,24 +28,8 @@ class Walk:
 
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
-    """All blocks in one shell, which ends with the first command that fails; `pmgw` is this Python's pmg."""
     clone = tmp_path_factory.mktemp("clone")
-    (clone / "raw").symlink_to(ROOT / "raw")
-    (clone / "pmgw").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m pmg.pipeline "$@"\n')
-    (clone / "pmgw").chmod(0o755)
-    ends = [f"{block.script}\necho '@@ end of block {i}'\n" for i, block in enumerate(BLOCKS)]
-    done = subprocess.run(
-        ["sh", "-e"],
-        input="".join(ends),
-        cwd=clone,
-        env={**os.environ, "PYTHONPATH": f"{ROOT / '.typing'}{os.pathsep}{ROOT}", "OPENBLAS_NUM_THREADS": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    printed = re.split(r"^@@ end of block \d+\n", done.stdout, flags=re.MULTILINE)
-    return Walk(tuple(printed), done.returncode, clone / "reports" / "tutorial")
+    return Walk(*walk_through(BLOCKS, clone), clone / "reports" / "tutorial")
 
 
 @pytest.mark.parametrize("number", range(len(BLOCKS)), ids=[block.name for block in BLOCKS])
