@@ -17,7 +17,7 @@ from pmg.pipeline.recording.codes import Severity
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.settings.bench_in_force import machine_remarks, settle_bench
-from pmg.pipeline.store.sources import Shard, find_recordings
+from pmg.pipeline.store.sources import Shard, find_recordings, passed_over
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.limits_file import chosen_limits
 from pmg.pipeline.wording.plurals import counted
@@ -134,7 +134,8 @@ def run_ingest(
     }
     machine = machine_remarks(store)
     lines += [f"machine: {remark.message}" for remark in machine if remark.severity == Severity.INFO]
-    findings = machine + report.findings
+    once = options.shard is None or Shard.of(options.shard).number == 1
+    findings = machine + (passed_over(recordings) if once else ()) + report.findings
     judged = _told_windows(manifests, report.sha256)
     missing = any(not point.instead for point in missing_points)
     return Outcome(

@@ -237,11 +237,9 @@ def diagnose(
     found : CampaignComparison or IngestedCampaigns
         A campaign compared with its simulation; of runs in motion what `ingest` gave, as they need no grid.
     seed : int
-        Of the synthetic campaigns behind the p-value; of runs in motion it is that of the command.
-    campaign : str, optional
-        Which campaign in motion, where there are several.
-    model : str or Path, optional
-        A model of other runs in motion, whose causes are taken out before.
+        Of the synthetic campaigns behind the p-value of a comparison.
+    campaign, model : str or Path, optional
+        Which campaign in motion, where there are several; a model of other such runs, to take its causes out before.
 
     Returns
     -------
@@ -254,6 +252,10 @@ def diagnose(
     FitError
         When it is none of both, or its runs do not permit a diagnosis.
     """
+    in_motion = isinstance(found, IngestedCampaigns)
+    if seed != SEED if in_motion else (campaign or model) is not None:
+        came = "a seed, for runs in motion" if in_motion else "a campaign or a model, for a comparison"
+        raise FitError("diagnose", came, "none of that", "Leave it out.")
     if isinstance(found, IngestedCampaigns):
         return diagnose_in_motion(found, campaign, None if model is None else Path(model))
     if not isinstance(found, CampaignComparison):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.catalogue.columns import BY_NAME, COLUMNS, SHOWN, Column, Kind
@@ -170,7 +171,8 @@ def _run_lines(run: MovingRecord, rate_hz: Cell) -> Iterator[tuple[str, str]]:
     yield "judged", "accepted" if run.sound else f"set aside: {printable('; '.join(run.reasons))}"
     for side in SIDES:
         low, high = (end / RPM for end in (run.speed[side].lowest, run.speed[side].highest))
-        yield f"speed_{side}", f"{low:.1f} to {high:.1f} rpm" if run.turns[side] else "held"
+        known = f"{low:.1f} to {high:.1f} rpm" if run.turns[side] else "held"
+        yield f"speed_{side}", "not known" if math.isnan(low) else known
     for masked in run.masked:
         yield "left out", f"{masked.column}, samples {masked.first_sample} to {masked.stop_sample}: {masked.why}"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 NUMBERS = "fiub"
 """Kinds of values that are numbers."""
+
+MOST_OF_MAT = 10_000
+"""Rows of numbers that are listed of a MAT file."""
 
 NANOSECONDS = 1e9
 """In a second."""
@@ -102,39 +106,51 @@ class TableSource:
 
 def _of_mat(path: Path) -> dict[str, Column]:
     """Variables of a MAT file by name, with what structs and cells hold."""
-    variables = loadmat(path).items()
-    return {
-        member: column
-        for name, values in variables
-        if not name.startswith("__")
-        for member, column in _members(name, values)
-    }
+    found: dict[str, Column] = {}
+    for name, values in loadmat(path).items():
+        if not name.startswith("__"):
+            found |= itertools.islice(_members(name, values), MOST_OF_MAT - len(found))
+    if len(found) >= MOST_OF_MAT:
+        do = "Save the rows of numbers as variables of their own."
+        raise RecordingError(str(path), "structs and cells without end", f"up to {MOST_OF_MAT} members", do)
+    return found
 
 
 def _members(name: str, values: object) -> Iterator[tuple[str, Column]]:
     """Rows and columns of a variable as they are, a matrix by its longer side; none of three dimensions.
 
     A field ``q`` of a struct ``x`` is ``x/q``, as a MAT file of version 7.3 calls it, that of its second element
-    ``x(2)/q``; a cell is ``x{2}``.
+    ``x(2)/q``; a cell is ``x{2}``. Where no element of these holds numbers, the variable stands for them.
     """
     if not isinstance(values, np.ndarray) or values.ndim > 2:
         return
     if isinstance(values, MatlabOpaque):  # a table or a time series: what it holds MATLAB alone can read
         yield name, np.zeros(0, dtype=np.object_)
     elif values.dtype.names or values.dtype == np.object_:
-        for place, each in enumerate(values.ravel(order="F"), 1):
-            if values.dtype.names:
-                element = name if values.size == 1 else f"{name}({place})"
-                for field_name in values.dtype.names:
-                    yield from _members(f"{element}/{field_name}", each[field_name])
-            else:
-                yield from _members(f"{name}{{{place}}}", each)
+        numbers = False
+        for member, column in _elements(name, values):
+            if values.size == 1 or column.dtype.kind in NUMBERS:
+                numbers = True
+                yield member, column
+        if not numbers:
+            yield name, np.zeros(0, dtype=np.object_)
     elif values.ndim == 2 and min(values.shape) > 1:
         wide = values.shape[1] > values.shape[0]
         for k, part in enumerate(values if wide else values.T, 1):
             yield f"{name}({k},:)" if wide else f"{name}(:,{k})", part
     else:
         yield name, values.ravel()
+
+
+def _elements(name: str, values: Column) -> Iterator[tuple[str, Column]]:
+    """What the elements of a struct or a cell hold."""
+    for place, each in enumerate(values.ravel(order="F"), 1):
+        if values.dtype.names:
+            element = name if values.size == 1 else f"{name}({place})"
+            for field_name in values.dtype.names:
+                yield from _members(f"{element}/{field_name}", each[field_name])
+        else:
+            yield from _members(f"{name}{{{place}}}", each)
 
 
 def _of_parquet(path: Path) -> tuple[dict[str, Column], frozenset[str]]:

@@ -33,6 +33,8 @@ END_WORDS = (
     {"input": "an", "output": "ab"},
 )
 """Words of names that say which, the more certain ones first."""
+MOST_AXES = 12
+"""Largest number of a name that counts an axis."""
 PUSH_WORDS = ("force", "kraft", "F")
 """Words of a force, beside those of a torque."""
 KINDS = {"angle": "position", "speed": "velocity", "torque": "force"}
@@ -164,6 +166,14 @@ def fits_axis(guess: ChannelGuess, axis: Axis) -> bool:
 def _likely_time(seen: SeenSignal) -> str:
     low, high = LIKELY_RATES
     return next((u for u, one in TIMES.items() if seen.step > 0.0 and low <= 1.0 / (seen.step * one) <= high), "")
+
+
+def with_more_axes(guessed: list[ChannelGuess]) -> list[ChannelGuess]:
+    """Channels of a machine of more than two axes, as numbers of their names tell: then 1 and 2 are no two ends."""
+    names = [words_of(one.name) for one in guessed if one.kind in KINDS.values()]
+    if not any(word.isdigit() and 2 < int(word) <= MOST_AXES for words in names for word in words):
+        return guessed
+    return [replace(one, end=side_of(one.name, END_WORDS[:1])) for one in guessed]
 
 
 def with_other_end(guessed: list[ChannelGuess]) -> list[ChannelGuess]:

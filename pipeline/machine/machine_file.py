@@ -120,20 +120,22 @@ def _shafts_of(table: _MachineTable) -> dict[str, MachineShaft]:
         axis = _axis_of(shaft)
         numbers = _numbers(shaft, SHAFT_NUMBERS, table.source, axis is LINEAR, "shaft", name)
         constant = numbers.get("motor.constant")
+        with refusing("shaft", name):
+            count = _count_of(numbers, axis)
         with refusing("shaft", name, "channel"):
-            channels = shaft.channel.of(axis, None if constant is None else constant.value, _count_of(numbers, axis))
+            channels = shaft.channel.of(axis, None if constant is None else constant.value, count)
         found[name] = MachineShaft(name, axis, numbers, channels)
     return found
 
 
 def _count_of(numbers: Mapping[str, Stated], axis: Axis) -> float | None:
     """Way of one count of an encoder [m, rad]; None where the file does not state it."""
-    if (per_turn := numbers.get("encoder.counts_per_turn")) is not None and axis.turn:
-        if not per_turn.value > 0.0:
-            refuse(f"{per_turn.value:g}", "a number above zero", "Correct the value.", "encoder", "counts_per_turn")
-        return axis.turn / per_turn.value
-    resolution = numbers.get("encoder.resolution")
-    return None if resolution is None else resolution.value
+    for key in ("counts_per_turn", "resolution")[not axis.turn :]:
+        if (given := numbers.get(f"encoder.{key}")) is not None:
+            if not given.value > 0.0:
+                refuse(f"{given.value:g}", "a number above zero", "Correct the value.", "encoder", key, "value")
+            return axis.turn / given.value if key == "counts_per_turn" else given.value
+    return None
 
 
 def _gear_of(table: _MachineTable) -> MachineGear | None:

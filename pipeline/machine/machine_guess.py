@@ -21,6 +21,7 @@ from pmg.pipeline.machine.channel_guess import (
     fits_axis,
     guess_channel,
     of_axis,
+    with_more_axes,
     with_other_end,
 )
 from pmg.pipeline.wording.units import FREQUENCY, TIME
@@ -123,7 +124,7 @@ def guess_machine(source: ForeignSource) -> MachineGuess:
     set-point but for the command of a drive whose torque and current nobody measured. Where two channels fit, a unit
     is not known, or a current or voltage lacks its factor, the line is left open.
     """
-    guessed = with_other_end([guess_channel(seen) for seen in look_at(source)])
+    guessed = with_other_end(with_more_axes([guess_channel(seen) for seen in look_at(source)]))
     units = [one.unit for one in guessed if one.kind in KINDS.values()]
     axis = LINEAR if any(unit in of_axis(LINEAR) for unit in units) else ROTARY
     fitting = [one for one in guessed if one.kind in (*KINDS.values(), "current") and fits_axis(one, axis)]

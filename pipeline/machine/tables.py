@@ -98,8 +98,9 @@ class ShaftChannels(Strict):
         if getattr(self, other) is not None:
             refuse(other, axis.pushes, "Rename the channel, or correct what the axis does.", other)
         if self.position is not None and self.position.unit == COUNT and count is None:
-            expected = f"encoder.{'counts_per_turn' if axis.turn else 'resolution'} of the shaft"
-            refuse("missing", expected, "Add it: it says what one count is.", "position", "unit")
+            key = "counts_per_turn" if axis.turn else "resolution"
+            do = f"Add encoder.{key} of the shaft: it says what one count is."
+            refuse(f"'{COUNT}' without its encoder", f"encoder.{key} beside it", do, "position", "unit")
         found = {}
         positions = {**axis.positions, COUNT: count or 0.0}
         for kind, known in {"position": positions, "velocity": axis.speeds, axis.pushes: axis.forces}.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,10 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
+WORSE_BY = 1.0
+"""Standard errors of a difference over the runs from which on a prediction is worse."""
+
+
 @dataclass(frozen=True)
 class MotionPrediction:
     """Missing torque of runs that a model has not seen, root mean squares over their rows [N m].
@@ -37,26 +42,23 @@ class MotionPrediction:
         With the constants of the model alone; with its causes; and with constants fitted to the runs as judged.
     unseen : bool
         Whether the model was made of other runs.
+    left_out : tuple of str
+        Causes of the model, by title, with which these runs are predicted worse: they are judged without them.
     """
 
     without: float
     predicted: float
     fitted: float
     unseen: bool
-
-    @property
-    def acts(self) -> bool:
-        """Whether the causes of the model act in these runs as well: with them, less torque is missing."""
-        return self.predicted <= self.without
+    left_out: tuple[str, ...] = ()
 
     @property
     def sentence(self) -> str:
         """For people."""
         without, predicted, fitted = (f"{1e3 * each:.2f}" for each in (self.without, self.predicted, self.fitted))
         verb = "predicts these runs with" if self.unseen else "made of these very runs, so this is no prediction:"
-        absent = (
-            "" if self.acts else " With what it names they are predicted worse, so that they are judged without it."
-        )
+        named = " and ".join(self.left_out)
+        absent = f" With {named} they are predicted worse: judged without." if named else ""
         return (
             f"{verb} {predicted} mN m; {without} with its constants alone, {fitted} with constants fitted to these "
             f"runs.{absent} Its constants stand for the data sheet here."
@@ -65,17 +67,26 @@ class MotionPrediction:
 
 def apply_motion_model(
     model: MotionModel, runs: tuple[MovingRun, ...], bench: BenchParameters
-) -> tuple[tuple[MovingRun, ...], MotionPrediction | None]:
+) -> tuple[tuple[MovingRun, ...], MotionModel, MotionPrediction | None]:
     """Runs without what the causes of a model add to their readings, and how well it predicts them; None of no model.
+
+    Returns
+    -------
+    runs : tuple of MovingRun
+        Without what its causes add.
+    model : MotionModel
+        With the causes that act in them.
+    prediction : MotionPrediction or None
+        Of the whole model.
 
     Notes
     -----
-    Where the runs are predicted worse with the causes than without, these do not act in them: they stay as they are.
-    Where the poles stood at the start of a run, zeros and clocks are of the campaign and fitted to it; all else is the
-    model's. What a cause adds is worked out at the fine samples, whose band is wider than that of the rows; before the
-    first and after the last of them the torque that it acts on is not known (NaN). A lag is taken out together with the
-    skew of its reading, which that is left with. The twist
-    of a coupling is taken from what is left, so that a drag is off by some two hundredths of what it is.
+    A cause with which the runs are predicted plainly worse than without it (`_worse`) does not act in them, and stays
+    out. Where the poles stood at the start of a run, zeros and clocks are of the campaign and fitted to it; all else is
+    the model's. What a cause adds is worked out at the fine samples, whose band is wider than that of the rows; before
+    the first and after the last of them the torque that it acts on is not known (NaN). A lag is taken out together with
+    the skew of its reading, which that is left with. The twist of a coupling is taken from what is left, so that a drag
+    is off by some two hundredths of what it is.
 
     Raises
     ------
@@ -83,7 +94,7 @@ def apply_motion_model(
         The runs are of another gear.
     """
     if model is NO_MODEL:
-        return runs, None
+        return runs, model, None
     gears = {run.gear for run in runs if run.manoeuvre.moves}
     if gears != {model.gear}:
         came = " and ".join(f"gear {gear}" for gear in sorted(gears)) or "no run that moves"
@@ -91,15 +102,42 @@ def apply_motion_model(
     known = {name: (value, HELD * error) for name, (value, error) in model.constants.items()}
     unseen = model.provenance.get("runs_sha256") != digest_of(runs)
     alone, _, noise = fit_constants(runs, bench, known)
-    fits = tuple(map(_as_fit, model.causes))
-    about = fit_beside(alone, noise, fits)[0] if fits else alone
-    apart = _without(about, model.causes)
-    cleared = tuple(replace(run, torque=apart.get(run.name, run.torque)) for run in runs)
+
+    def cleared_of(causes: tuple[MotionCause, ...]) -> tuple[MovingRun, ...]:
+        about = fit_beside(alone, noise, tuple(map(_as_fit, causes)))[0] if causes else alone
+        apart = _without(about, causes)
+        return tuple(replace(run, torque=apart.get(run.name, run.torque)) for run in runs)
+
+    cleared = cleared_of(model.causes)
     predicted, _, _ = fit_constants(cleared, bench, known)
-    if _missing(predicted) > _missing(alone):
-        cleared = runs
+    acting, with_acting = model.causes, predicted
+    for cause in model.causes:
+        others = tuple(each for each in acting if each is not cause)
+        without = fit_constants(cleared_of(others), bench, known)[0] if others else alone
+        if _worse(with_acting, without):
+            acting, with_acting = others, without
+    if acting != model.causes:
+        cleared = cleared_of(acting) if acting else runs
     fitted, _, _ = fit_constants(cleared, bench)
-    return cleared, MotionPrediction(_missing(alone), _missing(predicted), _missing(fitted), unseen)
+    left_out = tuple(cause.term.title for cause in model.causes if cause not in acting)
+    prediction = MotionPrediction(_missing(alone), _missing(predicted), _missing(fitted), unseen, left_out)
+    return cleared, replace(model, causes=acting), prediction
+
+
+def _worse(predicted: MotionBaseline, without: MotionBaseline) -> bool:
+    """Whether more torque is missing with a cause than without it, run by run, beyond what runs differ in that."""
+    more = _squares_by_run(predicted) - _squares_by_run(without)
+    error = float(np.std(more)) / math.sqrt(len(more))
+    return float(np.mean(more)) > WORSE_BY * error
+
+
+def _squares_by_run(baseline: MotionBaseline) -> Array:
+    """Mean square of the missing torque of each run that moves [(N m)2]."""
+    by_run: dict[str, list[Array]] = {}
+    for place, stretch in enumerate(baseline.stretches):
+        if not stretch.at_rest:
+            by_run.setdefault(stretch.run.run.name, []).append(baseline.left(place))
+    return np.array([float(np.mean(np.concatenate(parts) ** 2)) for parts in by_run.values()])
 
 
 def _without(about: MotionBaseline, causes: tuple[MotionCause, ...]) -> dict[str, PerShaft[Array]]:

@@ -37,8 +37,8 @@ PERIOD = REVOLUTION
 """Period of the pole angle [rad]."""
 ONSET_S = 0.1
 """Time before the poles are half a period off from which a slip is left out [s]."""
-HELD, LEAST_TRAVEL = 0.5, 4.0 * REVOLUTION
-"""Angle of the sun by which coupled poles give way at most; travel of the ring from which on a ratio tells [rad]."""
+UNSURE = 0.5
+"""Part of the limit of a ratio by which what the poles give way may change it over the travel of a run."""
 LEAST_S, LEAST_PART = 1.0, 0.5
 """Least time [s], and part of a run, in which all signals must be known."""
 
@@ -202,11 +202,11 @@ class _Judge:
             message = f"declared engaged in gear {run.gear}; expected {has} of this machine"
             self._set_aside(Code.OTHER_GEAR, message, "Name the file of the machine by --machine, or correct the gear.")
             return
-        ratio = bench.gear(run.gear).ratio
-        found = _ratio_held(self.signals["angle_sun"], self.signals["angle_ring"])
-        if found is not None and abs(found / ratio - 1.0) > RATIO_LIMIT:
-            message = f"the speeds have the ratio {found:.4g} throughout; expected {ratio:.4g} of gear {run.gear}"
-            do = "It is another machine or gear: name its file by --machine, or correct the gear of the run."
+        gear = bench.gear(run.gear)
+        found = _ratio_held(self.signals["angle_sun"], self.signals["angle_ring"], 0.5 * PERIOD / gear.pole_pairs.sun)
+        if found is not None and abs(found / gear.ratio - 1.0) > RATIO_LIMIT:
+            message = f"the speeds have the ratio {found:.4g} throughout; expected {gear.ratio:.4g} of gear {run.gear}"
+            do = "Correct the gear of the run, the counts per turn of an encoder, or name the machine by --machine."
             self._set_aside(Code.OTHER_GEAR, message, do)
 
     def _mask_slip(self) -> None:
@@ -251,16 +251,19 @@ class _Judge:
         self.reasons.append(f"{code.value}: {message}")
 
 
-def _ratio_held(sun: Array, ring: Array) -> float | None:
-    """Ratio of the speeds that holds through a whole run, within `HELD`; None where none does, or the ring rests."""
+def _ratio_held(sun: Array, ring: Array, gives: float) -> float | None:
+    """Ratio of the speeds that holds through a whole run; None where none does, or a shaft turns too little to tell.
+
+    The sun may be off it by what coupled poles give way, `gives` [rad].
+    """
     known = np.isfinite(sun) & np.isfinite(ring)
     if not known.any():
         return None
     sun, ring = sun[known] - sun[known][0], ring[known] - ring[known][0]
-    if float(np.ptp(ring)) < LEAST_TRAVEL:
+    if float(np.ptp(sun)) < gives / (UNSURE * RATIO_LIMIT) or float(np.ptp(ring)) < REVOLUTION:
         return None
     ratio = float(sun @ ring) / float(ring @ ring)
-    return abs(ratio) if float(np.abs(sun - ratio * ring).max()) < HELD else None
+    return abs(ratio) if float(np.abs(sun - ratio * ring).max()) < gives else None
 
 
 def _moves(angle: Array, count: float) -> bool:

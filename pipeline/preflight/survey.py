@@ -108,7 +108,8 @@ def _look(path: Path, name: str, bench: BenchParameters, supplied: Supplied = NO
     if run is None or calibration is None or absent:
         cut = next((f for f in findings.gathered if f.code is Code.TRUNCATED), None)
         if cut is not None:
-            why = "; ".join([f"{cut.message}. {cut.do}", *(f"else, {each}" for each in refused[:1])])
+            besides = [*refused[:1], *(f"no {what}" for what in absent)]
+            why = " Besides: ".join([f"{cut.message}. {cut.do}", *("; ".join(besides),) * bool(besides)])
             return File(name, size, unusable=why, channels=channels, sha256=sha256)
         why = refused[0] if run is None or calibration is None else f"no {' and no '.join(absent)}"
         damage = next((known for known in errors if not any(why.startswith(known) for why in refused)), "")

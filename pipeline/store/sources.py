@@ -183,18 +183,24 @@ def passed_over(place: Path) -> tuple[Finding, ...]:
     """Recordings by their content that the folder holds under another ending, and that are not read."""
     if not place.is_dir():
         return ()
-    found = []
-    for path in sorted(each for each in place.rglob("*") if each.suffix.lower() != SUFFIX and each.is_file()):
-        try:
-            with path.open("rb") as file:
-                alike = file.read(len(MAGIC)) == MAGIC
-        except OSError:
-            continue
-        if alike:
-            name, do = path.relative_to(place).as_posix(), f"Rename it to {path.stem}{SUFFIX}, or move it elsewhere."
-            message = f"a recording by its content, without the ending {SUFFIX}: not read"
-            found.append(Finding(Severity.WARNING, "whole file", message, name, Code.UNEXPECTED, do))
-    return tuple(found)
+    do = f"Move it out of the folder; if it is no copy of another, give it the ending {SUFFIX}."
+    message = f"a recording by its content, without the ending {SUFFIX}: not read"
+    return tuple(
+        Finding(Severity.WARNING, "whole file", message, path.relative_to(place).as_posix(), Code.UNEXPECTED, do)
+        for path in sorted(place.rglob("*"))
+        if path.suffix.lower() != SUFFIX and _begins_as_recording(path)
+    )
+
+
+def _begins_as_recording(path: Path) -> bool:
+    """Whether a regular file begins as MCAP does; no for what cannot be read."""
+    try:
+        if not path.is_file():
+            return False
+        with path.open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
 
 
 def take_inventory(place: Path, shard: Selection | None = None) -> Inventory:
@@ -215,7 +221,7 @@ def take_inventory(place: Path, shard: Selection | None = None) -> Inventory:
     base = place if place.is_dir() else place.parent
     sources: dict[str, StoredSource] = {}
     paths = find_recordings(place)
-    findings, unreadable = list(passed_over(place)), 0
+    findings, unreadable = [], 0
     for path in paths if shard is None else shard.part(paths):
         name = os.fsencode(path.relative_to(base).as_posix()).decode("utf-8", "backslashreplace")
         try:

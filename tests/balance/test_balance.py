@@ -204,8 +204,8 @@ def test_a_delay_is_named_with_its_sign(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, lambda m: np.interp(m.t + 0.004, m.t, plain(m)))
     assert named(found) == {"delay"}
     assert value(found, "delay")[0] == pytest.approx(0.004, abs=3e-4)
-    assert re.fullmatch(r"the position comes [34](\.\d+)? ms after the force", named_causes(found)[0].remark)
-    assert lateness_of("delay", -2e-3, "torque") == "the torque comes 2 ms after the position"
+    assert re.fullmatch(r"the motion comes [34](\.\d+)? ms after the force", named_causes(found)[0].remark)
+    assert lateness_of("delay", -2e-3, "torque") == "the torque comes 2 ms after the motion"
 
 
 # --- laws ----------------------------------------------------------------------------------------------

@@ -35,6 +35,16 @@ def test_fields_of_a_struct_are_channels_by_their_path(tmp_path: Path) -> None:
         whole_channels(found, ["scope/signals/label"])
 
 
+def test_what_holds_no_numbers_stands_once_under_its_name(tmp_path: Path) -> None:
+    words, empty = np.empty(3, dtype=object), np.empty(0, dtype=object)
+    words[:] = ["a", "b", "c"]
+    savemat(tmp_path / "a.mat", {"log": words, "nothing": empty, "x": T})
+    found = opened(tmp_path / "a.mat")
+    assert [channel.name for channel in found.channels] == ["log", "nothing", "x"]
+    with pytest.raises(RecordingError, match="numbers"):
+        whole_channels(found, ["log"])
+
+
 def test_elements_of_an_array_of_structs_and_cells_are_counted_from_one(tmp_path: Path) -> None:
     runs = np.zeros(2, dtype=[("q", object), ("tau", object)])
     for place, run in enumerate(runs, 1):

@@ -291,6 +291,18 @@ def test_channels_of_other_rates_are_not_set_side_by_side(tmp_path: Path) -> Non
     assert "the speeds were not set side by side: rates of 250 and 500 Hz" in text
 
 
+def test_a_joint_of_a_robot_is_told_by_its_symbols_and_several_are_no_gear(tmp_path: Path) -> None:
+    one = {"t": T, "q": wave(0.5), "q_d": wave(0.5), "qd": wave(0.6), "tau": wave(0.7)}
+    _, text = proposed(csv(tmp_path / "a.csv", one))
+    for kind, name in {"position": "q", "velocity": "qd", "torque": "tau"}.items():
+        assert f'{OPEN}{kind} = {{ name = "{name}", unit = "" }}' in text
+    assert '"q_d": a set-point by its name' in text
+    many = {"t": T} | {f"{symbol}{k}": wave(0.1 * k) for symbol in ("q", "qd", "tau") for k in (1, 2, 3)}
+    table, text = proposed(csv(tmp_path / "b.csv", many))
+    assert "gear" not in table
+    assert "# position: 3 candidates, none chosen" in text
+
+
 def test_a_rate_by_the_even_steps_of_a_column_that_may_be_no_time_is_left_open(tmp_path: Path) -> None:
     winding = np.asarray(30.0 + 0.005 * np.arange(len(T)))
     table, text = proposed(

@@ -109,10 +109,12 @@ def test_a_model_predicts_runs_that_it_has_not_seen() -> None:
     assert [cause.term.identifier for cause in model.causes] == ["transducer_bandwidth"]
     assert model.causes[0].shape == pytest.approx(LAG, rel=0.03)
     assert not any(name.startswith(OWN) for name in model.constants)
-    cleared, told = apply_motion_model(model, _campaign(43, LAG), bench)
+    cleared, acting, told = apply_motion_model(model, _campaign(43, LAG), bench)
     assert told is not None
     assert told.unseen
     assert "predicts these runs with" in told.sentence
+    assert told.left_out == ()
+    assert acting.causes == model.causes
     assert told.predicted < 0.6 * told.without
     assert told.predicted < 1.05 * told.fitted
     second = diagnose_motion("second", cleared, bench, np.random.default_rng(0), known=model.constants)
@@ -120,11 +122,18 @@ def test_a_model_predicts_runs_that_it_has_not_seen() -> None:
     assert motion_model_of(second, cleared, model).causes == model.causes
     with pytest.raises(FitError, match="gear 2"):
         apply_motion_model(replace(model, gear=2), _campaign(42), bench)
+    gain = MotionCause(TERMS["torque_gain_error/sun/"], (0.3,))
+    _, acting, told = apply_motion_model(replace(model, causes=(gain, *model.causes)), _campaign(43, LAG), bench)
+    assert told is not None
+    assert acting.causes == model.causes, "of two causes the one that was mended is left out"
+    assert told.left_out == (gain.term.title,)
     sound = _campaign(44)
-    kept, absent = apply_motion_model(model, sound, bench)
+    kept, acting, absent = apply_motion_model(model, sound, bench)
     assert absent is not None
     assert kept == sound, "a cause that does not act in them is not put into them"
-    assert "judged without it" in absent.sentence
+    assert acting.causes == ()
+    assert absent.left_out == (model.causes[0].term.title,)
+    assert "judged without" in absent.sentence
 
 
 def test_a_model_of_either_kind_is_read_where_any_is_asked_for(tmp_path: Path) -> None:
@@ -142,7 +151,7 @@ def test_a_lag_is_taken_out_of_a_reading_that_comes_late_besides() -> None:
     bench, over = load_bench(), np.ones(40) / 40.0
     lag = MotionCause(TERMS["transducer_bandwidth/sun/first order"], (1.0,), LAG)
     meant, shown = _campaign(100), lagged_runs(LAG, 100)
-    cleared, _ = apply_motion_model(MotionModel("a", 1, {}, (lag,)), shown, bench)
+    cleared, _, _ = apply_motion_model(MotionModel("a", 1, {}, (lag,)), shown, bench)
     known = [np.flatnonzero(np.isfinite(run.torque.sun)) for run in cleared]
     assert all(len(k) > 0.98 * len(run.torque.sun) for k, run in zip(known, shown, strict=True))
 
@@ -166,7 +175,7 @@ def test_a_model_holds_what_its_runs_show_and_no_more() -> None:
     assert not [name for name in model.constants if "ring" in name or name in ("slip_damping", "pull_out")]
     assert not model.causes
     assert model.provenance["not_carried"] == "torque_zero_drift"
-    _, told = apply_motion_model(model, drifted, load_bench())
+    _, _, told = apply_motion_model(model, drifted, load_bench())
     assert told is not None
     assert not told.unseen
     assert "no prediction" in told.sentence
@@ -189,4 +198,4 @@ def test_runs_that_only_creep_are_refused() -> None:
 
 def test_without_a_model_runs_stay_what_they_are() -> None:
     runs = _campaign(43)
-    assert apply_motion_model(NO_MODEL, runs, load_bench()) == (runs, None)
+    assert apply_motion_model(NO_MODEL, runs, load_bench()) == (runs, NO_MODEL, None)

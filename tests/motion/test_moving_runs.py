@@ -266,8 +266,13 @@ def test_a_gear_that_slips_is_known_up_to_its_slip(tmp_path: Path) -> None:
         assert np.array_equal(unknown, np.arange(unknown[0], len(signal)))
 
 
+FAST = 5.0
+"""Times the usual speed: a ratio tells over some twenty turns."""
+
+
 def test_an_engaged_run_of_another_ratio_or_gear_is_set_aside(tmp_path: Path) -> None:
-    turning = geared() | {"ring": 1.1 * geared()["ring"]}
+    turning = {side: speed * FAST for side, speed in geared().items()}
+    turning["ring"] = 1.1 * turning["ring"]
     runs, _, manifest = one(tmp_path, speeds=turning, run=ENGAGED)
     (told,) = manifest["findings"]
     assert told["code"] == "motion.other_gear"
@@ -284,6 +289,13 @@ def test_an_engaged_run_of_another_ratio_or_gear_is_set_aside(tmp_path: Path) ->
     assert [each.partition(". The")[0] for each in found] == [
         "declared engaged in gear 1; expected gear 2 of this machine"
     ]
+
+
+@pytest.mark.parametrize("still", ["sun", "ring"])
+def test_a_run_in_which_a_shaft_rests_is_not_taken_for_one_of_another_gear(tmp_path: Path, still: str) -> None:
+    turning = {side: speed * FAST * (side != still) for side, speed in geared().items()}
+    _, _, manifest = one(tmp_path, speeds=turning, run=ENGAGED)
+    assert "motion.other_gear" not in codes(manifest)
 
 
 def test_without_its_end_a_run_lasts_to_the_end_of_the_file(tmp_path: Path) -> None:
@@ -368,6 +380,7 @@ def test_a_campaign_in_motion_alone_has_no_grid_to_analyse(tmp_path: Path) -> No
     store, _ = ingested(folder)
     outcome = run_analyse(store.path, AnalysisOptions(), grids=None, campaign=None)
     assert outcome.lines == (
-        "campaign moving: no steady point, so no grid to analyse; the comparison diagnoses its 1 run in motion",
+        "campaign moving: no steady point, so no grid to analyse; the comparison ('pmg compare') diagnoses its 1 run "
+        "in motion",
     )
     assert not outcome.partial

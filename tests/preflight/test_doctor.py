@@ -129,7 +129,7 @@ def test_damage_is_told_and_what_lacks_a_channel_is_not_usable(tmp_path: Path) -
     unusable = [f for f in found["findings"] if f["message"].startswith("unusable")]
     assert {f["where"] for f in unusable} == {"c.mcap", "d.mcap", "e.mcap"}
     assert "the file ends after 100 bytes" in next(f["message"] for f in unusable if f["where"] == "e.mcap")
-    assert any(f["where"] == "f.txt" and "Rename it to f.mcap" in f["message"] for f in found["findings"])
+    assert any(f["where"] == "f.txt" and "give it the ending .mcap" in f["message"] for f in found["findings"])
     assert "angle of the sun" in next(f["message"] for f in unusable if f["where"] == "c.mcap")
     assert data["damaged"] == 1
 

@@ -52,6 +52,15 @@ def test_a_straight_command_of_whole_steps_is_not_held(slope: float, start: floa
     assert renewal_of(np.floor(start + slope * np.arange(4000))) == 1.0
 
 
+@given(seed=SEED, start=st.integers(100, 3800))
+def test_a_gap_does_not_hide_that_a_channel_is_held_nor_make_a_straight_line_one(seed: int, start: int) -> None:
+    held = swinging(seed)[np.arange(4000) // 8 * 8]
+    line = np.floor(0.3 * np.arange(4000))
+    for values, period in ((held, 8.0), (line, 1.0)):
+        values[start : start + 80] = np.nan
+        assert renewal_of(values) == pytest.approx(period, rel=0.025)
+
+
 def test_it_is_told_with_its_delay() -> None:
     k, findings = np.arange(4000), Findings("log.csv")
     held = swinging(1)[k // 5 * 5]

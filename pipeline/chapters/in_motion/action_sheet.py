@@ -93,7 +93,8 @@ def _answers(
         yield SheetAnswer("Possible causes", (*listed, *unknown), "rivals")
     elif diagnosis.mismatch.found and diagnosis.verdict in (Verdict.NOT_IN_LIBRARY, Verdict.CONFOUNDED):
         closest = (f"{capitalised(words)}.",) if (words := nearest(diagnosis)) else ()
-        yield SheetAnswer("Cause", ("No mechanism of the catalogue explains it: we can show where, not why.", *closest))
+        of = "that these runs can show" if diagnosis.unseen else "of the catalogue"
+        yield SheetAnswer("Cause", (f"No mechanism {of} explains it: we can show where, not why.", *closest))
     yield SheetAnswer("How sure", _sureness(diagnosis), GROUNDS)
     if diagnosis.unseen:
         spots = (f"{spot.words}{SHAFT_WORDS[spot.term.shaft]}" for spot in diagnosis.unseen)
@@ -200,7 +201,8 @@ def _sureness(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
     record = track_record(diagnosis, IN_MOTION)
     held = "" if record is None else record.sentence
     told = tuple(sentence for sentence in (proof_sentence(diagnosis), held) if sentence)
-    return told or (f"p ≤ {mismatch.p_value:.2g} for no difference; {alarms}",)
+    rare = f"A campaign without a difference shows as much in {mismatch.p_value:.2g} of cases at most (p)."
+    return told or (rare, alarms)
 
 
 def _costs(

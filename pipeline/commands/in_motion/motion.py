@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -58,7 +58,7 @@ def analyse_motion(store: Path, campaign: str) -> Outcome:
     manifests = choose_campaign(Store(store), campaign)[1]
     runs = [run for run in judged_runs(manifests) if run.manoeuvre.moves]
     line = (
-        f"campaign {campaign}: no steady point, so no grid to analyse; the comparison diagnoses its "
+        f"campaign {campaign}: no steady point, so no grid to analyse; the comparison ('pmg compare') diagnoses its "
         f"{counted(len(runs), 'run')} in motion"
     )
     return Outcome({"analysis": None, "folder": None, "moving": len(runs)}, (line,))
@@ -97,8 +97,8 @@ class JudgedMotion:
         What was found.
     model : Path or None
         A model of other runs that was given.
-    given : MotionModel
-        What it holds, its causes where they act in these runs.
+    given, acting : MotionModel
+        What it holds; the same with those of its causes that act in these runs.
     prediction : MotionPrediction or None
         How well it predicts these.
     """
@@ -111,6 +111,7 @@ class JudgedMotion:
     diagnosis: MotionDiagnosis
     model: Path | None
     given: MotionModel
+    acting: MotionModel
     prediction: MotionPrediction | None
 
     @cached_property
@@ -141,8 +142,7 @@ class JudgedMotion:
     @property
     def result(self) -> MotionModel:
         """The model that these runs give."""
-        left_out = self.prediction is not None and not self.prediction.acts
-        return motion_model_of(self.diagnosis, self.runs, replace(self.given, causes=()) if left_out else self.given)
+        return motion_model_of(self.diagnosis, self.runs, self.acting)
 
     def page(self, note: str = "", made: tuple[tuple[str, str], ...] = ()) -> Report:
         """The report with a note at its head; `made` is added to its provenance."""
@@ -152,7 +152,7 @@ class JudgedMotion:
             self.diagnosis,
             self.document,
             (("Runs in motion", usable), ("Time in motion", f"{self.minutes:.1f} min")),
-            (*map(_unusable, self.failed), *_set_aside(self.aside), *self.of_model),
+            (*map(_unusable, self.failed), *set_aside(self.aside), *self.of_model),
             note=note,
             provenance=(
                 *((f"SHA-256 of {each.name}", each.sha256) for each in recordings_of(self.store, self.campaign)),
@@ -169,7 +169,7 @@ def _unusable(failed: Manifest) -> str:
     return f"{failed.file} is not usable{'' if why is None else f': {why.message}. {why.do}'}"
 
 
-def _set_aside(aside: Iterable[JudgedRun]) -> Iterator[str]:
+def set_aside(aside: Iterable[JudgedRun]) -> Iterator[str]:
     """Which runs were set aside, and why; those of one kind of reason together."""
     by_kind: dict[str, list[JudgedRun]] = {}
     for run in aside:
@@ -200,9 +200,9 @@ def judge_motion(
     """
     runs = moving_runs(Store(store), campaign)
     listed_runs = tuple(r for r in judged_runs(choose_campaign(Store(store), campaign)[1]) if r.manoeuvre.moves)
-    diagnosis, given, predicted = diagnose_runs(store, campaign, runs, model, progress)
+    diagnosis, given, acting, predicted = diagnose_runs(store, campaign, runs, model, progress)
     failed = failed_sources(store)
-    return JudgedMotion(store, campaign, runs, listed_runs, failed, diagnosis, model, given, predicted)
+    return JudgedMotion(store, campaign, runs, listed_runs, failed, diagnosis, model, given, acting, predicted)
 
 
 def write_motion(
@@ -257,13 +257,13 @@ def write_motion(
 
 def diagnose_runs(
     store: Path, campaign: str, runs: tuple[MovingRun, ...], model: Path | None, progress: Progress | None = None
-) -> tuple[MotionDiagnosis, MotionModel, MotionPrediction | None]:
-    """The diagnosis of runs of a store, the model that was given for it, and how well that predicts them."""
+) -> tuple[MotionDiagnosis, MotionModel, MotionModel, MotionPrediction | None]:
+    """The diagnosis of runs of a store, the model that was given, what of it acts in them, how it predicts them."""
     bench = bench_of_store(store)
     given = NO_MODEL if model is None else read_motion_model(model, bench)
-    cleared, predicted = apply_motion_model(given, runs, bench)
+    cleared, acting, predicted = apply_motion_model(given, runs, bench)
     rng = np.random.default_rng(SEED)
-    return diagnose_motion(campaign, cleared, bench, rng, progress, given.constants), given, predicted
+    return diagnose_motion(campaign, cleared, bench, rng, progress, given.constants), given, acting, predicted
 
 
 def remove_motion_report(report: Path, campaign: str) -> None:

@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.commands.audit_entry import audited_from_python
-from pmg.pipeline.commands.in_motion.motion import judge_motion, write_motion
+from pmg.pipeline.commands.in_motion.motion import judge_motion, set_aside, write_motion
 from pmg.pipeline.commands.provenance import now
 from pmg.pipeline.grid.campaign import choose_campaign
+from pmg.pipeline.motion.stored import judged_runs
 from pmg.pipeline.report.draw import draw_png
 from pmg.pipeline.store.store import Store
+from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     from pmg.pipeline.commands.in_motion.motion import JudgedMotion
@@ -108,6 +110,11 @@ def diagnose_in_motion(
     FitError
         Its runs do not permit a diagnosis.
     """
-    name, _ = choose_campaign(Store(ingested.store), campaign)
+    name, manifests = choose_campaign(Store(ingested.store), campaign)
+    runs = [run for run in judged_runs(manifests) if run.manoeuvre.moves]
+    if not any(run.record.sound for run in runs):
+        came = "; ".join(set_aside(runs)) or "no run in motion"
+        do = "Mend what is named; of steady points pass what compare gave: diagnose(compare(analyse(...)))."
+        raise FitError(f"campaign {name}", came, "a run in motion", do)
     with audited_from_python("diagnose", ingested.store, campaign=name, model=model):
         return MotionCampaignDiagnosis(judge_motion(ingested.store, name, model=model), ingested)

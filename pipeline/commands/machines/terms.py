@@ -6,7 +6,7 @@ import csv
 import json
 from dataclasses import replace
 from io import StringIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -160,7 +160,7 @@ def _run(
     cautions = tuple(Caution(f"{r.place}: {r.message}") for r in remarks if r.severity != Severity.INFO)
     own = (*sections, *readings_section(remarks))
     sheet = machine_sheet(diagnosis, against, goes_on=WITH_CAUSE in tables)
-    page = _page(diagnosis, seed, digests, (own, cautions), sheet)
+    page = _page(diagnosis, seed, digests, (own, cautions), sheet, contradicted=bool(against))
     written = (*write_report(page, out), *(out / name for name in tables))
     command = "pmg terms" if machine is None else "pmg run"
     leave_crate_of_files(out, command, tuple(files), written, began)
@@ -232,15 +232,18 @@ def _page(
     digests: dict[str, str],
     own: tuple[tuple[Section, ...], tuple[Caution, ...]],
     sheet: ActionSheet,
+    *,
+    contradicted: bool,
 ) -> Report:
     first, *others = terms_sections(diagnosis)
-    good = diagnosis.verdict is Verdict.CONSISTENT
+    consistent = diagnosis.verdict is Verdict.CONSISTENT
     own_sections, cautions = own
-    asks = "" if good else asked_of(diagnosis.verdict)
+    asks = "" if consistent and not contradicted else "Check the file" if consistent else asked_of(diagnosis.verdict)
+    state: Literal["good", "attention"] = "attention" if asks else "good"
     return Report(
         title=diagnosis.case.title,
         subtitle=f"Terms of its {diagnosis.case.axis.pushes} balance: what the baseline lacks, and the proof",
-        verdict=Headline(headline(diagnosis), "good" if good else "attention", warnings=cautions, asks=asks),
+        verdict=Headline(headline(diagnosis), state, warnings=cautions, asks=asks),
         sections=(first, *own_sections, *others),
         sheet=sheet,
         provenance=Facts(

@@ -141,7 +141,8 @@ def _remark(diagnosis: TermsDiagnosis, fit: TermFit, values: Sequence[float]) ->
     factor = _factor(fit.identifier, gain, diagnosis.case.axis.factor)
     stated = _beside_tolerance(fit.identifier, gain, diagnosis.case.tolerances.get(fit.identifier))
     beyond = _beyond_known(diagnosis, fit, values)
-    late = lateness_of(fit.identifier, gain, diagnosis.case.axis.pushes)
+    before = (known for known in diagnosis.case.stated if known.term.key == fit.candidate.key)
+    late = lateness_of(fit.identifier, gain + sum(float(k.amplitudes[0]) for k in before), diagnosis.case.axis.pushes)
     return (
         "; ".join(filter(None, (factor, late, stated, beyond)))
         or _once_a_turn(diagnosis, fit)

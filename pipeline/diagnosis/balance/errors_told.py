@@ -45,9 +45,12 @@ def errors_sentence(diagnosis: TermsDiagnosis, first: ModelStep, last: ModelStep
     """Errors of the first model and the last, on the record of the fit and on the withheld one, if there is one."""
     pushes, steps = diagnosis.case.axis.pushes, (first, last) if last is not first else (first,)
     told = f"Relative {pushes} error {_in_turn([percent(step.error_fit) for step in steps])}"
+    if diagnosis.withheld is not None:
+        told = f"{told}; on the withheld record {_in_turn([percent(step.error_withheld) for step in steps])}"
+    if said := what_it_misses(diagnosis, last):
+        return f"{told}: {said}."
     if diagnosis.withheld is None:
-        return f"{told}: {said}." if (said := what_it_misses(diagnosis, last)) else f"{told}."
-    told = f"{told}; on the withheld record {_in_turn([percent(step.error_withheld) for step in steps])}"
+        return f"{told}."
     if last.error_withheld <= FAR * last.error_fit:
         return f"{told}."
     if last is not first and last.error_withheld > FALLS_TO * first.error_withheld:

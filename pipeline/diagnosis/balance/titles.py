@@ -30,10 +30,10 @@ def titles_of(fits: Iterable[TermFit]) -> str:
 
 
 def lateness_of(identifier: str, lag: float, pushes: str) -> str:
-    """Which of a command and the position comes later, by a lag of the position [s]; empty of another term."""
+    """Which of a command and the motion comes later, by a lag of the motion [s]; empty of another term."""
     if identifier != DELAY:
         return ""
-    late, early = ("position", pushes) if lag > 0.0 else (pushes, "position")
+    late, early = ("motion", pushes) if lag > 0.0 else (pushes, "motion")
     return f"the {late} comes {1e3 * abs(lag):.3g} ms after the {early}"
 
 

@@ -54,7 +54,8 @@ CLEANINGS = 2
 
 DENSITY_DOUBT = 0.03
 """Relative standard uncertainty of the noise of a torque over that of an angle, in the band of the rows: 2 % of either
-from a run of half a minute. What steps of an encoder fold into it unevenly while a speed is held is counted besides."""
+from a run of half a minute. Of steps that fold into it unevenly while a speed is held, no constant is surer than these
+leave it."""
 
 STIFFER = 0.02 / math.sqrt(3.0)
 """Standard uncertainty of the part by which the damping of a coupling makes it stiffer in the band: at most the square

@@ -59,7 +59,9 @@ LONE_UNITS = {
     "%": KIND_WORDS["torque"],
 }
 """Units of one letter at the end of a name, as in ``force_N``, and the words before them that make them units."""
-SET_WORDS = ["set", "setpoint", "soll", "sollwert", "cmd", "command", "ref", "reference", "demand", "target"]
+SET_WORDS = frozenset(
+    ["set", "setpoint", "soll", "sollwert", "cmd", "command", "ref", "reference", "demand", "target", "desired", "des"],
+)
 """Words of what was asked for and not measured."""
 
 
@@ -90,7 +92,8 @@ def side_of(name: str, known_words: tuple[Mapping[str, str], ...] = SIDE_WORDS) 
 
 def is_set_point(name: str) -> bool:
     """Whether a name speaks of what was asked for."""
-    return bool(set(words_of(_parts(name)[1])) & set(SET_WORDS))
+    words = words_of(_parts(name)[1])
+    return bool(set(words) & SET_WORDS) or words[:2] in (["q", "d"], ["qr"])
 
 
 def kinds_by_name(name: str) -> tuple[tuple[str, ...], bool]:

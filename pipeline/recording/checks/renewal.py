@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.recording.checks.stretches import stretches
 from pmg.pipeline.recording.findings import Code
 
 if TYPE_CHECKING:
@@ -21,6 +22,9 @@ SPREAD = 1.75
 OUT_OF_STEP = 0.01
 """Part of the gaps that may be off a multiple of the period by a sample or more."""
 
+MOST_SAMPLES = 1_000_000
+"""Samples of the longest stretch without a gap from which a period is taken."""
+
 LEAST_PERIOD = 1.9
 """Samples from which on a channel counts as held."""
 
@@ -31,7 +35,11 @@ def _renewal_of(values: Array) -> float:
     A value that is quantised stands still as well where it changes slowly, and a straight command then steps evenly,
     by one step of its resolution each time: neither is held.
     """
-    changes = np.diff(values)
+    known = stretches(np.isfinite(values))
+    if not len(known):
+        return 1.0
+    start, stop = known[int(np.argmax(known[:, 1] - known[:, 0]))].tolist()
+    changes = np.diff(values[start : min(stop, start + MOST_SAMPLES)])
     at = np.flatnonzero(changes)
     gaps, sizes = np.diff(at), np.abs(changes[at])
     if len(gaps) < FEWEST_RENEWALS or float(np.median(sizes)) < SPREAD * float(sizes.min()):

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.balance.library.drive_faults import GAIN
+from pmg.pipeline.diagnosis.balance.library.two_torques import GAINS
 from pmg.pipeline.diagnosis.balance.records.reading import COASTS
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.recording.remark import Remark
 
 if TYPE_CHECKING:
@@ -100,7 +103,12 @@ def found_and_stated(diagnosis: TermsDiagnosis, machine: Machine) -> tuple[Found
 
 
 def contradictions(compared: tuple[FoundAndStated, ...], diagnosis: TermsDiagnosis) -> tuple[Remark, ...]:
-    """Warnings of stated numbers that the records contradict, with what to do."""
+    """Warnings of stated numbers that the records contradict, with what to do.
+
+    None where the gain of a transducer is named, which makes every number of these as wrong as itself.
+    """
+    if {fit.identifier for fit in diagnosis.steps[-1].fitted.fits} & {*GAINS, GAIN}:
+        return ()
     return tuple(
         Remark("warning", "machine file", f"{row.sentence}. {_what_to_do(row, diagnosis)}")
         for row in compared
@@ -115,4 +123,6 @@ def _what_to_do(row: FoundAndStated, diagnosis: TermsDiagnosis) -> str:
     if row.name == COMPARED["inertia"][0] and acts < COASTS * needed:
         shown = f"The {axis.pushes} is {acts:.2g} {axis.push} rms, where such an inertia takes {needed:.2g}"
         return f"{shown}: if the machine coasted, take the {axis.pushes} out of its channels; else check its unit"
+    if diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
+        return "A term is missing, so that what the records say of it may be off: find that first"
     return "Check the machine file, and unit, sign and gain of the channels"

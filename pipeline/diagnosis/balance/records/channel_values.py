@@ -20,7 +20,7 @@ from pmg.pipeline.wording.units import declared as declared_unit
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from pmg.pipeline.diagnosis.balance.case import Case
@@ -33,6 +33,12 @@ SAME_RATE = 1e-6
 
 WRAPPED = 0.25
 """Part of a turn by which a step of an angle may differ from a whole one to be where it begins anew."""
+
+FILLED = 0.97
+"""Part of its period that a position fills which begins anew, noise at its ends allowed for."""
+
+COUNT_WORDS = {"count", "counts", "ticks"}
+"""Units of a counter, as files spell them."""
 
 COUNTER_BITS = 16, 24, 32
 """Widths of counters, which begin anew after so many bits."""
@@ -115,8 +121,8 @@ def channels_in_si(
     for kind in (kind for kind in ("position", f"{OUTPUT}position") if kind in values):
         channel, count = channels[kind]
         widths = [2.0**bits * abs(count) for bits in COUNTER_BITS if channel.unit == COUNT]
-        for period in (*widths, *(turn for turn in (case.axis.turn,) if turn)):
-            values[kind] = _unwrapped(values[kind], period, findings)
+        periods = [*widths, *(turn for turn in (case.axis.turn,) if turn)]
+        values[kind] = _unwrapped(values[kind], periods, channel.name, findings)
     return values
 
 
@@ -152,15 +158,27 @@ def _factor(source: ForeignSource, channel: Channel, case: Case) -> float:
     return float(given[0])
 
 
-def _unwrapped(angle: Array, turn: float, findings: Findings) -> Array:
-    """A position that begins anew after each turn, or each period of its counter, counted on (n,); else as it is."""
-    steps = np.diff(angle)
-    jumps = np.abs(np.abs(steps) - turn) < WRAPPED * turn
-    if not jumps.any() or np.abs(steps[~jumps]).max(initial=0.0) > 0.5 * turn:
+def _unwrapped(angle: Array, periods: Sequence[float], name: str, findings: Findings) -> Array:
+    """A position that begins anew after a turn, or a period of its counter, counted on (n,); any other as it is.
+
+    What begins anew keeps within its period, and jumps by nearly all of its range: of the `periods` that hold it, the
+    one that its jumps come nearest to is taken.
+    """
+    steps, reach = np.abs(np.diff(angle)), float(np.ptp(angle))
+    jumps = steps[steps > 0.5 * reach]
+    holding = [period for period in periods if FILLED * reach <= period]
+    if not len(jumps) or not holding:
         return angle
-    message = f"it begins anew {counted(int(jumps.sum()), 'time')}, and is counted on"
-    findings.info(Code.CHANNEL_VALUE, "position", message, "Nothing to do.")
-    return np.asarray(np.unwrap(angle, period=turn))
+    period = min(holding, key=lambda each: float(np.median(np.abs(jumps - each))))
+    if float(np.median(np.abs(jumps - period))) < WRAPPED * period:
+        message = f"it begins anew {counted(len(jumps), 'time')}, after {period:.6g}, and is counted on"
+        findings.info(Code.CHANNEL_VALUE, name, message, "Nothing to do.")
+        return np.asarray(np.unwrap(angle, period=period))
+    if reach >= FILLED * period:
+        message = f"it jumps {counted(len(jumps), 'time')} by more than half of its range of {reach:.6g}"
+        do = "If it begins anew, record it more often than it does so twice: it is taken as it is."
+        findings.warning(Code.CHANNEL_VALUE, name, message, do)
+    return angle
 
 
 def _check_units(source: ForeignSource, channels: Mapping[str, tuple[Channel, float]], findings: Findings) -> None:
@@ -172,6 +190,9 @@ def _check_units(source: ForeignSource, channels: Mapping[str, tuple[Channel, fl
             continue
         if channel.unit == COUNT and declared_unit(declared) in COUNTS:
             continue
+        if declared in COUNT_WORDS:
+            do = 'Give unit = "count", and counts_per_turn or resolution of the encoder.'
+            raise RecordingError(where, f"the unit {declared}", channel.unit, do)
         if declared in KNOWN_UNITS:
             do = "Correct the unit where the channel is named, or the recording."
             raise RecordingError(where, f"the unit {declared}", channel.unit, do)
