@@ -37,7 +37,7 @@ PERIOD = REVOLUTION
 """Period of the pole angle [rad]."""
 ONSET_S = 0.1
 """Time before the poles are half a period off from which a slip is left out [s]."""
-UNSURE = 0.5
+RATIO_UNSURE = 0.5
 """Part of the limit of a ratio by which what the poles give way may change it over the travel of a run."""
 LEAST_S, LEAST_PART = 1.0, 0.5
 """Least time [s], and part of a run, in which all signals must be known."""
@@ -260,7 +260,7 @@ def _ratio_held(sun: Array, ring: Array, gives: float) -> float | None:
     if not known.any():
         return None
     sun, ring = sun[known] - sun[known][0], ring[known] - ring[known][0]
-    if float(np.ptp(sun)) < gives / (UNSURE * RATIO_LIMIT) or float(np.ptp(ring)) < REVOLUTION:
+    if float(np.ptp(sun)) < gives / (RATIO_UNSURE * RATIO_LIMIT) or float(np.ptp(ring)) < REVOLUTION:
         return None
     ratio = float(sun @ ring) / float(ring @ ring)
     return abs(ratio) if float(np.abs(sun - ratio * ring).max()) < gives else None
