@@ -111,7 +111,8 @@ def _answers(
         yield SheetAnswer("Cause", ("No set of terms explains it. We can show where, not why.", *near))
     yield SheetAnswer("How sure", tuple(_sureness(d, first, last)), GROUNDS)
     yield SheetAnswer("On the bench", (_action(d, contradicted=bool(against)),))
-    yield SheetAnswer("Next test", tuple(_tests(d, causes)), CAUSES * bool(causes))
+    tests = tuple(_tests(d, causes, contradicted=bool(against)))
+    yield SheetAnswer("Next test", tests, CAUSES * bool(causes))
     if d.verdict is Verdict.CONSISTENT and not against:
         yield SheetAnswer("In the model", ("The fitted constants describe the machine; `terms.json` holds them.",))
     elif causes:
@@ -173,7 +174,7 @@ def _action(d: TermsDiagnosis, *, contradicted: bool) -> str:
     return "Nothing." if d.verdict is Verdict.CONSISTENT else "Repair nothing before the next test has confirmed it."
 
 
-def _tests(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[str]:
+def _tests(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, contradicted: bool) -> Iterator[str]:
     """The tests that would confirm what is named, or the nearest of what is not."""
     near = [each.test for each in near_causes(d)[:1]]
     first_open = sorted(causes, key=lambda cause: cause.sure)  # what tells the sets apart
@@ -183,7 +184,7 @@ def _tests(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[str]:
     elif tests:
         yield from (f"{capitalised(test.rstrip('.'))}." for test in list(dict.fromkeys(tests))[:2])
     elif d.verdict is Verdict.CONSISTENT:
-        yield "None is needed."
+        yield "Run the same recordings again, once file or channel is right." if contradicted else "None is needed."
     else:
         yield "Look at what the residual follows (residuals.csv), and record a run that sweeps it."
 

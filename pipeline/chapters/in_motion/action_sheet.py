@@ -201,8 +201,7 @@ def _sureness(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
     record = track_record(diagnosis, IN_MOTION)
     held = "" if record is None else record.sentence
     told = tuple(sentence for sentence in (proof_sentence(diagnosis), held) if sentence)
-    rare = f"A campaign without a difference shows as much in {mismatch.p_value:.2g} of cases at most (p)."
-    return told or (rare, alarms)
+    return told or (f"p ≤ {mismatch.p_value:.2g}, corrected for multiple testing.", alarms)
 
 
 def _costs(

@@ -136,7 +136,7 @@ def largest_place(diagnosis: MotionDiagnosis) -> str:
         return f"{where} follows the {follows(place)} ({size} beyond the fitted constants)."
     sheet, at = diagnosis.before.sheet, of_sheet(diagnosis, place)
     apart = (diagnosis.before.values[at] - sheet.expected[at]) / sheet.spread[at]
-    distance = f"{apart[0]:+.1f}" if len(apart) == 1 else f"{np.linalg.norm(apart):.1f}"
+    distance = f"{apart[0]:+.1f}".replace("-", "−") if len(apart) == 1 else f"{np.linalg.norm(apart):.1f}"
     far = f"fitted without a cause, it lies {distance} standard uncertainties off"
     return f"the {follows(place)} is not that of the data sheet (worth {size}); {far}."
 
