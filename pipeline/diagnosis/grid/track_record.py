@@ -67,13 +67,13 @@ RECORD = {
 
 
 IN_MOTION = {
-    "named": TrackRecord("a cause named", "The cause named was right", 68, 73),
-    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 8, 8),
+    "named": TrackRecord("a cause named", "The cause named was right", 74, 76),
+    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 8, 11),
     "weak": TrackRecord(
-        "a difference too weak to name its cause, or none proved", "The truth was among those given", 12, 14
+        "a difference too weak to name its cause, or none proved", "The truth was among those given", 14, 15
     ),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "The cause was unknown or the closest", 27, 29
+        "no known cause given, with those that come near", "The cause was unknown or the closest", 24, 25
     ),
 }
 """The same of runs in motion, from the last draw of 240 campaigns, in ``pipeline/trials/motion/README.md``."""
