@@ -25,7 +25,7 @@ from pmg.pipeline.grid.missing_uncertainty import unstated_columns, unstated_in
 from pmg.pipeline.grid.tables import frame_grid, grid_frame
 from pmg.pipeline.motion.stored import only_in_motion
 from pmg.pipeline.recording.remark import Remark
-from pmg.pipeline.store.store import Store, refuse_recordings
+from pmg.pipeline.store.store import MARK, Store, refuse_recordings
 from pmg.pipeline.wording.safe_text import spreadsheet_text
 from pmg.sim.errors import StoreError
 from pmg.sim.signals import SPEED_SUN
@@ -277,7 +277,7 @@ def read_analysis(store: Path) -> tuple[Grid, AnalysisOptions]:
         refuse_recordings(store)
         if not store.exists():
             Store(store).require()
-        if only_in_motion(each for each in Store(store).manifests() if each.ingested):
+        if (store / MARK).is_file() and only_in_motion(m for m in Store(store).manifests() if m.ingested):
             do = "Record steady points for this; 'pmg compare' diagnoses the runs in motion without them."
             raise StoreError(str(store), "runs in motion alone", "an analysis of steady points", do)
         do = "Run 'pmg analyse' on this store first."
