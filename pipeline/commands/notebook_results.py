@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -181,8 +182,37 @@ class CampaignComparison:
         return PointTable(pd.DataFrame(columns))
 
 
+class WithReport(ABC):
+    """What has a report, whose figures are drawn one by one."""
+
+    @property
+    @abstractmethod
+    def report(self) -> Report:
+        """The report as plain nouns: sections, tables, figures."""
+
+    @property
+    def figures(self) -> dict[str, str]:
+        """Captions of the figures of the report, by the name that `figure` takes."""
+        return {figure.id: figure.caption for figure in self.report.figures}
+
+    def figure(self, name: str) -> bytes:
+        """One figure of the report as PNG.
+
+        Parameters
+        ----------
+        name : str
+            One of `figures`.
+
+        Raises
+        ------
+        KeyError
+            When the report has no such figure.
+        """
+        return draw_png({figure.id: figure for figure in self.report.figures}[name])
+
+
 @dataclass(frozen=True)
-class CampaignDiagnosis:
+class CampaignDiagnosis(WithReport):
     """Diagnosis of a campaign.
 
     Parameters
@@ -246,23 +276,3 @@ class CampaignDiagnosis:
         made = (seeded(self.seed), ("Command", "from Python, pmg.pipeline"))
         whole = self.analysis.whole
         return campaign_page(whole, self.judged, recorded_part(whole), note, tolerances, made)[0]
-
-    @property
-    def figures(self) -> dict[str, str]:
-        """Captions of the figures of the report, by the name that `figure` takes."""
-        return {figure.id: figure.caption for figure in self.report.figures}
-
-    def figure(self, name: str) -> bytes:
-        """One figure of the report as PNG.
-
-        Parameters
-        ----------
-        name : str
-            One of `figures`.
-
-        Raises
-        ------
-        KeyError
-            When the report has no such figure.
-        """
-        return draw_png({figure.id: figure for figure in self.report.figures}[name])

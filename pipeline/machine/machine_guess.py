@@ -87,7 +87,7 @@ class MachineGuess:
     @property
     def rate_by_steps(self) -> bool:
         """Whether the sample rate is that of a column which is the time by its even steps alone."""
-        doubtful = [1.0 / (one.seen.step * TIMES[one.unit]) for one in self.time if one.reason == BY_STEPS]
+        doubtful = map(_rate_of_steps, (one for one in self.time if one.reason == BY_STEPS))
         return self.rate_hz is not None and any(abs(rate / self.rate_hz - 1.0) <= WHOLE_RATE for rate in doubtful)
 
     def chosen(self, end: str, kind: str) -> ChannelGuess | None:
@@ -151,7 +151,7 @@ def guess_machine(source: ForeignSource) -> MachineGuess:
 def _rate(source: ForeignSource, time: Sequence[ChannelGuess], guessed: Iterable[ChannelGuess]) -> float | None:
     """Sample rate [Hz] by a time column, else as the file declares it, by a single value, or by even steps."""
     clock = next((one for one in time if one.unit), None)
-    of_clock = set() if clock is None else {1.0 / (clock.seen.step * TIMES[clock.unit])}
+    of_clock = set() if clock is None else {_rate_of_steps(clock)}
     declared = {channel.rate_hz for channel in source.channels if channel.rate_hz is not None}
     single = {rate for one in guessed if one.kind == "rate" and (rate := _single_rate(one)) is not None}
     by_steps = clock is not None and clock.reason == BY_STEPS
@@ -160,6 +160,11 @@ def _rate(source: ForeignSource, time: Sequence[ChannelGuess], guessed: Iterable
         return None
     (rate,) = found
     return float(round(rate) if abs(rate - round(rate)) <= WHOLE_RATE * rate else f"{rate:.9g}")
+
+
+def _rate_of_steps(clock: ChannelGuess) -> float:
+    """Rate at which a time column with a unit steps [Hz]."""
+    return 1.0 / (clock.seen.step * TIMES[clock.unit])
 
 
 def _single_rate(one: ChannelGuess) -> float | None:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.commands.audit_entry import audited_from_python
 from pmg.pipeline.commands.in_motion.motion import judge_motion, set_aside, write_motion
+from pmg.pipeline.commands.notebook_results import WithReport
 from pmg.pipeline.commands.provenance import now
 from pmg.pipeline.grid.campaign import choose_campaign
 from pmg.pipeline.motion.stored import judged_runs
-from pmg.pipeline.report.draw import draw_png
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import FitError
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class MotionCampaignDiagnosis:
+class MotionCampaignDiagnosis(WithReport):
     """Diagnosis of the runs in motion of a campaign.
 
     Parameters
@@ -71,26 +71,6 @@ class MotionCampaignDiagnosis:
     def report(self) -> Report:
         """The report as plain nouns: sections, tables, figures."""
         return self.judged.page(made=(("Command", "from Python, pmg.pipeline"),))
-
-    @property
-    def figures(self) -> dict[str, str]:
-        """Captions of the figures of the report, by the name that `figure` takes."""
-        return {figure.id: figure.caption for figure in self.report.figures}
-
-    def figure(self, name: str) -> bytes:
-        """One figure of the report as PNG.
-
-        Parameters
-        ----------
-        name : str
-            One of `figures`.
-
-        Raises
-        ------
-        KeyError
-            When the report has no such figure.
-        """
-        return draw_png({figure.id: figure for figure in self.report.figures}[name])
 
     def write(self, folder: Path, note: str = "") -> Path:
         """Write the report with its figures and tables, ``diagnosis.json`` and ``model.toml``; the page."""
