@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.recording.means import ShaftMeans
     from pmg.pipeline.store.manifest import Manifest, StoredWindow
+    from pmg.pipeline.store.moving_record import MovingRecord
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 
@@ -61,6 +62,7 @@ def recording_entry(manifest: Manifest) -> Entry:
         "configuration": _text(run.configuration),
         "gear": _whole(run.gear),
         "drive": _text(run.drive),
+        "manoeuvre": _text(run.manoeuvre),
         "measurement_begin": _text(run.started_at),
         "findings": len(manifest.findings),
         "errors": severities.count(Severity.ERROR),
@@ -72,7 +74,26 @@ def recording_entry(manifest: Manifest) -> Entry:
         "origin": None if origin is None else _text(origin.source),
         "note": _text(run.note),
     }
-    return Entry(fields, tuple(_window(window) for window in manifest.windows))
+    moving = (_moving(record, manifest.rate_hz) for record in manifest.moving)
+    return Entry(fields, (*map(_window, manifest.windows), *moving))
+
+
+def _moving(record: MovingRecord, rate: float) -> Entry:
+    """A run in motion: what it is asked for, and its mean, is no one value."""
+    samples, begin = record.stop_sample - record.first_sample, _number(record.started_at_s)
+    fields: dict[str, Cell] = {
+        "name": _text(record.point),
+        "measurement_begin": None if begin is None else _moment(begin),
+        "begin_s": begin,
+        "seconds": _number(samples / rate),
+        "number_of_rows": _whole(samples),
+        "accepted": int(record.sound),
+        "reasons": _text("; ".join(record.reasons)),
+        "rest_sun": int(not record.turns.sun),
+        "rest_ring": int(not record.turns.ring),
+        "analysed": 0,
+    }
+    return Entry(fields)
 
 
 def _window(window: StoredWindow) -> Entry:
@@ -207,12 +228,15 @@ def rejected_as_copies(entries: Sequence[Entry], manifests: Sequence[Manifest]) 
     return [
         Entry(
             entry.fields,
-            tuple(
-                Entry(
-                    part.fields | {"accepted": int(window.accepted), "reasons": _text("; ".join(window.reasons))},
-                    part.parts,
-                )
-                for part, window in zip(entry.parts, manifest.windows, strict=True)
+            (
+                *(
+                    Entry(
+                        part.fields | {"accepted": int(window.accepted), "reasons": _text("; ".join(window.reasons))},
+                        part.parts,
+                    )
+                    for part, window in zip(entry.parts, manifest.windows, strict=False)
+                ),
+                *entry.parts[len(manifest.windows) :],
             ),
         )
         for entry, manifest in zip(entries, manifests, strict=True)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.store.store import Store
 
 FILE = "catalogue.sqlite"
-SCHEMA = "pmg.catalogue/1"
+SCHEMA = "pmg.catalogue/2"
 MAGIC = b"SQLite format 3\0"
 ANALYSIS = ("analysis/analysis.json", "analysis/grid.parquet")
 """Columns of an analysis that the catalogue holds, in addition to the manifests."""
@@ -35,7 +35,7 @@ TABLES: dict[str, tuple[str, ...]] = {
     "Measurement": (
         "id INTEGER PRIMARY KEY",
         "test INTEGER REFERENCES Test",
-        *(f"{name} TEXT" for name in ("name", "file", "status", "point", "configuration", "drive")),
+        *(f"{name} TEXT" for name in ("name", "file", "status", "point", "configuration", "drive", "manoeuvre")),
         *(f"{name} TEXT" for name in ("measurement_begin", "sha256", "origin", "note")),
         *(f"{name} INTEGER" for name in ("gear", "findings", "errors", "simulated", "samples", "size")),
         "rate_hz REAL",

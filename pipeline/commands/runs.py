@@ -55,7 +55,7 @@ def run_list(
     sort : str, optional
         Column to sort by; a minus before it puts the largest first.
     columns : str, optional
-        Columns by name, with commas; ``all`` for every one.
+        Columns by name, with commas; ``all`` for every one. Where none are asked for, text leaves out what no run has.
     as_csv : bool
         Comma-separated values instead of aligned text.
     """
@@ -66,7 +66,9 @@ def run_list(
     if as_csv:
         lines = comma_separated(chosen, rows)
     else:
-        lines = [*(aligned(chosen, rows) if rows else ()), f"{counted(len(rows), 'run')}"]
+        known = [k for k in range(len(chosen)) if columns is not None or any(row[k] is not None for row in rows)]
+        table = aligned([chosen[k] for k in known], [[row[k] for k in known] for row in rows]) if rows else ()
+        lines = [*table, f"{counted(len(rows), 'run')}"]
     plain = [{column.name: for_json(column, value) for column, value in zip(chosen, row, strict=True)} for row in rows]
     data = {
         "where": where,

@@ -15,6 +15,7 @@ from tests.diagnosis.test_next_runs import _evidence
 from pmg.pipeline.commands.at_bench import next_sheet
 from pmg.pipeline.commands.at_bench.motion_sheet import MotionSheet, SheetRun, motion_page, motion_sheet, references_csv
 from pmg.pipeline.diagnosis.balance.fitting import TermFit
+from pmg.pipeline.diagnosis.engine.explanation import Explanation
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun, merged
@@ -90,6 +91,7 @@ def _diagnosis(*next_runs: NextRun) -> Any:  # noqa: ANN401 - stands for a diagn
         weak=False,
         naming=None,
         next_runs=next_runs,
+        confirming=None,
         unseen=(SimpleNamespace(term=TERMS["rotor_inertia/sun/"]),),
         before=SimpleNamespace(stretches=(stretch,)),
     )
@@ -119,6 +121,22 @@ def test_a_run_that_shows_several_is_made_once_and_comes_from_the_command(
     monkeypatch.setattr(next_sheet, "diagnose_runs", lambda *_: (_diagnosis(), None, None))
     assert next_sheet.run_next(tmp_path, tmp_path / "none").data["files"] == []
     assert not (tmp_path / "none").exists()
+
+
+def test_a_named_cause_has_the_sheet_of_the_run_that_confirms_it() -> None:
+    found = _evidence((0, 1, 2, 5))
+    gain = TermFit(TERMS["torque_gain_error/sun/"], 1.0, 1.0, np.zeros(0), (), np.array([0.02]), math.nan)
+    test = NextRun("Ramp back", "Ramp back: sun", 0.75, ("torque_gain_error",), (BACK,), 0.99, ((),))
+    diagnosis = _diagnosis()
+    diagnosis.confirming, diagnosis.evidence, diagnosis.verdict = test, found, Verdict.NAMED
+    diagnosis.naming = SimpleNamespace(best=Explanation((gain,), found.problem), rivals=(), shafts={})
+    sheet = motion_sheet(diagnosis)
+    assert sheet.tests == (("Ramp back", "Confirms gain of the transducer on the sun shaft. Power 99%."),)
+    assert sheet.runs[0].apart["sun"] > 0.0
+    page = motion_page(sheet)
+    assert "The cause makes" in page
+    assert "--model FILE" in page
+    assert "same campaign" not in page
 
 
 def test_a_run_that_tells_several_rivals_keeps_them_all() -> None:

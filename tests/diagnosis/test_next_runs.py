@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from tests.diagnosis.test_motion import _campaign, _with_torque
 
 from pmg.pipeline.chapters.in_motion.page import motion_report
+from pmg.pipeline.diagnosis.balance.fitting import TermFit
 from pmg.pipeline.diagnosis.engine.explanation import Explanation, explain_with
 from pmg.pipeline.diagnosis.engine.separation import power_to_separate, squares_beyond
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
@@ -23,7 +24,7 @@ from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue
 from pmg.pipeline.diagnosis.motion.compressed import scatter_beyond
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.design.foresight import Foresight
-from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun, merged
+from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun, merged, run_to_confirm
 from pmg.pipeline.diagnosis.motion.design.proposals import Proposal, proposals
 from pmg.pipeline.diagnosis.motion.design.proposed_run import ProposedRun, Reference, Swing, with_runs
 from pmg.pipeline.diagnosis.motion.design.unseen import smallest_told, unseen
@@ -185,6 +186,23 @@ def test_a_run_that_tells_several_causes_apart_stands_once_with_its_least_power(
     one, other = (NextRun("Ramp", "Ramp: up", 1.0, (name,), (), power) for name, power in (("a", 0.9), ("b", 0.5)))
     (both,) = merged((one, other))
     assert (both.separates, both.power) == (("a", "b"), 0.5)
+
+
+def test_a_named_cause_is_confirmed_by_the_run_that_shows_it_and_one_too_small_by_none(forward: MotionEvidence) -> None:
+    term = forward.problem.tables["direction_dependent_friction/sun/"].term
+
+    def of_size(size: float) -> TermFit:
+        return TermFit(term, 1.0, 1.0, np.zeros(0), (), np.full(len(term.amplitudes), size), math.nan)
+
+    found = run_to_confirm(forward, (of_size(0.3),), SLOW_NOISE)
+    assert found is not None
+    assert {run.speed.side for run in found.runs if run.speed is not None} == {"sun"}
+    assert any(min(run.speed.values) < 0.0 for run in found.runs if run.speed is not None), "this campaign went forward"
+    assert found.rivals == ((),)
+    assert run_to_confirm(forward, (of_size(1e-3),), SLOW_NOISE) is None
+    ahead = Foresight(forward, next(p for p in proposals(forward.baseline, ("sun",)) if len(p.runs) > 1), SLOW_NOISE)
+    one, thrice = (ahead.evidence_for((of_size(size),)) for size in (0.1, 0.3))
+    assert thrice == pytest.approx(9.0 * one)
 
 
 def test_where_no_run_tells_a_check_by_hand_is_the_next_test() -> None:

@@ -34,7 +34,7 @@ from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.ingest import ALONE, run_ingest
 from pmg.pipeline.commands.outcome import Outcome
-from pmg.pipeline.commands.runs import run_show
+from pmg.pipeline.commands.runs import run_list, run_show
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
 from pmg.pipeline.motion.run import MovingRun
@@ -282,6 +282,13 @@ def test_an_engaged_run_of_another_ratio_or_gear_is_set_aside(tmp_path: Path) ->
     assert re.search(r"judged +set aside: motion.other_gear: the speeds have the ratio 2.364", shown)
     assert "speed_sun " in shown
     assert "window" not in shown
+    listed = run_list(tmp_path / "in-store", "manoeuvre = 'ramp' and accepted is not true")
+    (row,) = listed.data["runs"]
+    assert row["file"] == "bad.mcap"
+    assert listed.lines[0].split()[:4] == ["point", "configuration", "drive", "manoeuvre"]
+    assert "sun_rpm" not in listed.lines[0], "no run in motion has a mean"
+    (long,) = run_list(tmp_path / "in-store", "reasons like 'motion.other_gear%'", columns="seconds").data["runs"]
+    assert long["seconds"] == pytest.approx(TIME[-1], abs=0.01)
     with pytest.raises(StoreError, match="steady points"):
         read_analysis(tmp_path / "in-store")
     run_ingest(tmp_path / "in", tmp_path / "other", replace(ALONE, machine="thesis-gear-2"))

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.chapters.bench_parts import GROUNDS, SHEET, parts_of
-from pmg.pipeline.chapters.in_motion.picture import SHOWN, clearest_part, sheet_picture
+from pmg.pipeline.chapters.in_motion.picture import clearest_part, sheet_picture
 from pmg.pipeline.diagnosis.design.direct_check import nothing_yet
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.track_record import IN_MOTION, track_record
 from pmg.pipeline.diagnosis.motion.design.remedy import bench_actions, next_run, telling_runs, would_tell
+from pmg.pipeline.diagnosis.motion.design.torque_apart import torque_apart
 from pmg.pipeline.diagnosis.motion.places import where_to_look
 from pmg.pipeline.diagnosis.motion.statement import (
     causes,
@@ -26,7 +27,7 @@ from pmg.pipeline.diagnosis.motion.statement import (
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
 from pmg.pipeline.wording.cause_sets import SHAFT_WORDS, numbered
-from pmg.pipeline.wording.plurals import capitalised, counted
+from pmg.pipeline.wording.plurals import capitalised, counted, uncapitalised
 from pmg.pipeline.wording.units import MILLI
 
 if TYPE_CHECKING:
@@ -139,27 +140,24 @@ def _next(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], tr
         return f"{capitalised(next_run(diagnosis))}.{f' Its sheet: {SHEET}.' * bool(telling_runs(diagnosis))}"
     if not diagnosis.mismatch.found:
         return "None is needed."
-    clearest = clearest_part(diagnosis, effects, traces)
     if diagnosis.verdict is Verdict.NAMED:
-        confirm = "Not needed; to confirm the cause, record a further run and compare it with `model.toml`."
-        return f"{confirm}{_expected(clearest)}"
+        return _confirming(diagnosis)
+    clearest = clearest_part(diagnosis, effects, traces)
     again = "" if clearest is None else f" {clearest[0].stretch.run.run.point}, in which most torque is missing,"
     return f"Record the run{again} again: what shows again is of bench or model, the rest changes with time."
 
 
-def _expected(clearest: tuple[TorqueTrace, float] | None) -> str:
-    """The run that shows most of a cause, and how far off it was where it does, without the cause and with it."""
-    if clearest is None:
-        return ""
-    trace, began = clearest
-    shown = (trace.time >= began) & (trace.time <= began + SHOWN)
-    off = ((trace.stretch.torque - each)[shown] / MILLI for each in (trace.before, trace.after))
-    without, with_it = (float(np.sqrt(np.mean(each**2))) for each in off)
-    of = trace.stretch.run.run
-    size = f"where it shows most, its {trace.stretch.side} torque was off by {without:.1f} mN m rms, with the cause by "
-    size += f"{with_it:.1f} mN m ({SHOWN:g} s)"
-    like = f"{of.point} ({of.manoeuvre}, {of.configuration}{f', {of.drive} drives' * trace.stretch.coupled})"
-    return f" Best is one like {like}: {size}. Expect it to fall as much."
+def _confirming(diagnosis: MotionDiagnosis) -> str:
+    """The run that would confirm a named cause, and how far off it would be without it."""
+    if (test := diagnosis.confirming) is None:
+        return "Not needed; to confirm the cause, record a further run and compare it with `model.toml`."
+    off = [torque_apart(diagnosis.evidence, run, named_fits(diagnosis), ((),))[0] for run in test.runs]
+    size, side = max((size, side) for of_run in off for side, size in of_run.items())
+    run = f"{uncapitalised(test.title)} ({test.minutes:.0f} min), compared with `model.toml`"
+    return (
+        f"To confirm: {run}; without the cause its {side} torque would be off by {size / MILLI:.1f} mN m rms. "
+        f"Its sheet: {SHEET}."
+    )
 
 
 def _difference(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> Iterator[str]:

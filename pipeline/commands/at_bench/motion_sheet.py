@@ -46,7 +46,7 @@ class SheetRun:
         The gear.
     apart : dict of str to float
         Root mean square by which the torques of the leading cause and of the nearest rival differ in it, by shaft
-        [N m]; empty where there is no rival.
+        [N m], or what a cause to be confirmed makes; empty where there is no rival.
     """
 
     after: float
@@ -67,11 +67,14 @@ class MotionSheet:
         Of each test what to run, and what it tells with which power.
     runs : tuple of SheetRun
         The runs in their order.
+    confirms : bool
+        Whether they confirm a cause that is named.
     """
 
     campaign: str
     tests: tuple[tuple[str, str], ...]
     runs: tuple[SheetRun, ...]
+    confirms: bool = False
 
     @property
     def minutes(self) -> float:
@@ -80,20 +83,23 @@ class MotionSheet:
 
 
 def motion_sheet(diagnosis: MotionDiagnosis) -> MotionSheet:
-    """The runs that a diagnosis asks for, each test once; none where it asks for none."""
+    """The runs that a diagnosis asks for, each test once, or the one that confirms it; none where it asks for none."""
+    confirming = () if diagnosis.confirming is None else (diagnosis.confirming,)
     tests, rows, after = [], [], 0.0
     gear = diagnosis.before.stretches[0].run.run.gear
-    for test in telling_runs(diagnosis):
+    for test in confirming or telling_runs(diagnosis):
         tests.append((test.title, f"{_question(diagnosis, test)} Power {test.power:.0%}."))
         apart = {run: _apart(diagnosis, test, run) for run in dict.fromkeys(test.runs)}
         for run in test.runs:
             rows.append(SheetRun(after / MINUTE, run, gear, apart[run]))
             after += run.seconds + CHANGE_S
-    return MotionSheet(diagnosis.campaign, tuple(tests), tuple(rows))
+    return MotionSheet(diagnosis.campaign, tuple(tests), tuple(rows), bool(confirming))
 
 
 def _question(diagnosis: MotionDiagnosis, test: NextRun) -> str:
     """What a test tells."""
+    if diagnosis.naming is not None and test is diagnosis.confirming:
+        return f"Confirms {causes(diagnosis.naming.best)}."
     if diagnosis.naming is not None and test.rivals:
         others = "; or from ".join(causes(TermSet(fits, diagnosis.evidence.problem)) for fits in test.rivals)
         return f"Tells {causes(diagnosis.naming.best)} from {others}."
@@ -145,17 +151,20 @@ def motion_page(sheet: MotionSheet) -> str:
     """The sheet as a page to print: it loads nothing and holds no script."""
     tests = "".join(f"<li><b>{as_html(title)}</b>: {as_html(question)}</li>" for title, question in sheet.tests)
     rows = "".join(_row(place, row) for place, row in enumerate(sheet.runs, 1))
+    together = "ingest them into the same campaign: 'pmg run' judges all runs together"
+    alone = "judge them alone, with the cause: 'pmg run FOLDER --store STORE --report REPORT --model FILE'"
+    then, apart = (alone, "that the cause makes") if sheet.confirms else (together, "by which causes differ")
+    head = "The cause makes" if sheet.confirms else "Causes differ by"
     body = f"""
 <h1>Next runs of {as_html(sheet.campaign)}</h1>
 <p>{counted(len(sheet.runs), "run")}, {sheet.minutes:.0f} min with {CHANGE_S:.0f} s between them.</p>
 <ul>{tests}</ul>
 <p>Make the runs in this order, in the set-up of the campaign, and record each into a file of its own. next.csv has what
-the drives are asked for, {COURSE_HZ:.0f} times a second; a shaft without a reference is held. Then ingest them into the
-same campaign: 'pmg run' judges all runs together. A torque by which causes differ is that of the whole run, rms, before
-the constants are fitted anew.</p>
+the drives are asked for, {COURSE_HZ:.0f} times a second; a shaft without a reference is held. Then {then}. A torque
+{apart} is that of the whole run, rms, before the constants are fitted anew.</p>
 <p>Date <span class="line"></span> Name <span class="line"></span> Room temperature <span class="line"></span></p>
 <table><thead><tr><th>#</th><th>After<br>min</th><th>Takes<br>s</th><th>Configuration</th><th>Manoeuvre</th>
-<th>References of the drives</th><th>Causes differ by<br>{RESIDUAL.display_unit}</th><th>File</th><th>Done</th></tr>
+<th>References of the drives</th><th>{head}<br>{RESIDUAL.display_unit}</th><th>File</th><th>Done</th></tr>
 </thead><tbody>{rows}</tbody></table>
 """
     return framed(f"Next runs: {sheet.campaign}", body, f"{SHEET_STYLE}td.write{{min-width:8rem}}")

@@ -16,7 +16,7 @@ from pmg.pipeline.diagnosis.engine.withheld import STEADY, withhold
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.candidates.like_filter import scatter_beside
 from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, columns_beside
-from pmg.pipeline.diagnosis.motion.design.next_runs import runs_to_see, runs_to_tell
+from pmg.pipeline.diagnosis.motion.design.next_runs import run_to_confirm, runs_to_see, runs_to_tell
 from pmg.pipeline.diagnosis.motion.design.unseen import unseen
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import fit_constants
@@ -79,6 +79,8 @@ class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
     next_runs : tuple of NextRun
         Of an ambiguous campaign, what tells each rival from the leading cause, in order, and a shaft that is open; of
         a confounded one, what shows each mechanism that it cannot see.
+    confirming : NextRun or None
+        Of a named cause, the run that shows most of it; none where no run would, or where its shaft is open.
     """
 
     campaign: str
@@ -92,6 +94,7 @@ class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
     fitted_sizes: tuple[FittedSize, ...]
     unseen: tuple[Unseen, ...]
     next_runs: tuple[NextRun, ...] = ()
+    confirming: NextRun | None = None
 
 
 def diagnose_motion(
@@ -140,10 +143,13 @@ def diagnose_motion(
     alone = before.values, np.sqrt(np.diag(covariance)), (), (), ()
     constants, errors, sizes, size_errors, fitted_sizes = together or alone
     next_runs: tuple[NextRun, ...] = ()
+    confirming = None
     if conclusion.verdict is Verdict.CONFOUNDED:
         next_runs = runs_to_see(found, blind, noise[0].slow_noise)
     elif conclusion.verdict is Verdict.AMBIGUOUS or "either" in _shafts(conclusion):
         next_runs = runs_to_tell(found, cast("TermNaming", conclusion.naming), noise[0].slow_noise)
+    elif conclusion.verdict is Verdict.NAMED:
+        confirming = run_to_confirm(found, cast("TermNaming", conclusion.naming).best.fits, noise[0].slow_noise)
     return MotionDiagnosis(
         verdict=conclusion.verdict,
         naming=conclusion.naming,
@@ -161,6 +167,7 @@ def diagnose_motion(
         fitted_sizes=fitted_sizes,
         unseen=blind,
         next_runs=next_runs,
+        confirming=confirming,
     )
 
 

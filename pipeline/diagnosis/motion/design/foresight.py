@@ -103,6 +103,12 @@ class Foresight:
             powers.append(power_to_separate(float(whole), MotionCatalogue().weak_below(sets[k])))
         return min(powers)
 
+    def evidence_for(self, fits: tuple[TermFit, ...]) -> float:
+        """Evidence that the new rows alone would give of a set that is there, constants fitted anew."""
+        effect = np.sum([self._effect(fit) for fit in fits], axis=0)
+        effect[: len(self.found.columns)] = 0.0
+        return float(squares_beyond(effect[:, None], self.columns)[0])
+
     def power_to_show(self, spot: Unseen) -> float:
         """Probability that a mechanism which the campaign cannot see stands out, at the size that is worth knowing."""
         tabled = self.found.problem.tables[spot.term.key]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 from pmg.pipeline.diagnosis.engine.explanation import explain_with
-from pmg.pipeline.diagnosis.engine.separation import ENOUGH
+from pmg.pipeline.diagnosis.engine.separation import ENOUGH, power_to_separate
 from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue
 from pmg.pipeline.diagnosis.motion.design.foresight import Foresight
 from pmg.pipeline.diagnosis.motion.design.proposals import proposals
@@ -50,7 +50,8 @@ class NextRun:
         Probability that they do, at most: that the true one of two causes is then named alone, whichever it is; of a
         mechanism that the campaign cannot see, that it shows at the size that is worth knowing.
     rivals : tuple of tuple of TermFit
-        Sets that they tell from the leading one; none of a mechanism that the campaign cannot see.
+        Sets that they tell from the leading one, an empty one where that is to be confirmed; none of a mechanism that
+        the campaign cannot see.
     """
 
     title: str
@@ -95,6 +96,14 @@ def runs_to_tell(found: MotionEvidence, naming: TermNaming, slow_noise: SlowNois
         return replace(run, rivals=(other,))
 
     return tuple(map(one, others))
+
+
+def run_to_confirm(found: MotionEvidence, fits: tuple[TermFit, ...], slow_noise: SlowNoise) -> NextRun | None:
+    """The run in which a named cause alone shows most for the time it takes; none where no run would show it."""
+    shown = {each: Foresight(found, each, slow_noise).evidence_for(fits) for each in proposals(found.baseline, SIDES)}
+    best = max(shown, key=lambda each: shown[each] / each.minutes)
+    ids, power = tuple(sorted({fit.identifier for fit in fits})), power_to_separate(shown[best])
+    return NextRun(best.heading, best.words, best.minutes, ids, best.runs, power, ((),)) if power >= ENOUGH else None
 
 
 def _elsewhere(found: MotionEvidence, fits: tuple[TermFit, ...], name: str) -> tuple[TermFit, ...]:
