@@ -43,6 +43,16 @@ class Lag:
         """Whether it weakens waves in its band; one that does not is a delay, below the third power of a frequency."""
         return self.sharpness < BUTTERWORTH
 
+    @property
+    def corner(self) -> float:
+        r"""Frequency at which it halves the power of a wave [Hz].
+
+        There :math:`y = \omega \tau` fulfils :math:`(1 - k y^2)^2 + y^2 = 2`.
+        """
+        k = self.sharpness
+        square = 1.0 if not k else (2.0 * k - 1.0 + np.hypot(2.0 * k - 1.0, 2.0 * k)) / (2.0 * k**2)
+        return float(np.sqrt(square) / (REVOLUTION * self.time))
+
     def of(self, torque: Array, rate: float) -> Array:
         """Torques (n, k) at samples of a rate [1/s] as they are shown, steady before the first of them.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -523,6 +524,25 @@ def test_the_size_of_what_is_late_as_a_whole_is_its_time() -> None:
     size = fitted_size(fit, np.array([1.0, 0.0071]), np.diag([0.0, 4e-8]), PerShaft(3, 10), of_law=1.5e-4)
     assert (size.name, size.value, size.unit) == ("delay", 0.0071, "s")
     assert size.error == pytest.approx(2.5e-4)
+
+
+@pytest.mark.parametrize("variant", ["", "first order", "second order, short", "second order"])
+def test_the_size_of_a_low_pass_tells_its_corner(variant: str) -> None:
+    """By the filter that the law has: at its corner it shows the half of the power."""
+    law, time = TERMS[f"transducer_bandwidth/sun/{variant}"], 0.0071
+    fit = TermFit(law, 1.0, 1.0, np.zeros(4), (), np.ones(1), time)
+    values, errors = (np.array([time]), np.eye(1)) if not law.whole else (np.array([1.0, time]), np.diag([0.0, 1.0]))
+    told = fitted_size(fit, values, (2e-5) ** 2 * errors, PerShaft(3, 10)).sentence
+    (corner,) = re.findall(r"corner at ([\d.]+) ± [\d.]+ Hz", told)
+    wave = 2j * np.pi * float(corner)
+    shown = 1.0 / (1.0 + wave * time) if variant in {"", "first order"} else 1.0 / (1.0 + 0.5 * wave * time) ** 2
+    assert abs(shown) ** 2 == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_low_pass_of_butterworth_has_the_corner_of_its_design() -> None:
+    b, a = butter(2, 2.0 * np.pi * 14.0, analog=True)
+    assert Lag("sun", float(a[1] / a[2]), BUTTERWORTH).corner == pytest.approx(14.0)
+    assert b[-1] / a[2] == pytest.approx(1.0)
 
 
 def test_a_law_whose_amplitude_is_known_costs_its_time_alone() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.fitting import fit_term
 from pmg.pipeline.diagnosis.motion.candidates.beside import lags_of
 from pmg.pipeline.diagnosis.motion.constants import SKEW
+from pmg.pipeline.motion.lag import EQUAL_LAGS, FIRST_ORDER, Lag
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim.shafts import SIDES
@@ -113,9 +114,9 @@ def fitted_size(
             error = math.hypot(
                 error, FORM_OF_LAG * fit.shape if told else SKEW
             )  # else its skew stays on its data sheet
-        return FittedSize(
-            quantity.name, float(values[count]), math.hypot(error, of_law), quantity.unit, of_law, poles=felt
-        )
+        lag, error = float(values[count]), math.hypot(error, of_law)
+        remark = _corner(lag, error, term.sharpness if term.is_lag else EQUAL_LAGS) if _lags(term) else ""
+        return FittedSize(quantity.name, lag, error, quantity.unit, of_law, remark, felt)
     sizes, among = values[:count], covariance[:count, :count]
     names = [quantity.name for quantity in term.amplitudes]
     if names[:2] == ["cosine", "sine"]:
@@ -126,8 +127,9 @@ def fitted_size(
         return FittedSize("amplitude", value, error, term.amplitudes[0].unit, remark=remark, poles=felt)
     if _adds_up(term):
         error = math.hypot(math.sqrt(max(float(among.sum()), 0.0)), of_law)
-        name = IN_ALL if count > 1 else names[0].replace("_", " ")
-        return FittedSize(name, float(sizes.sum()), error, term.amplitudes[0].unit, of_law, poles=felt)
+        name, size = IN_ALL if count > 1 else names[0].replace("_", " "), float(sizes.sum())
+        remark = _corner(size, error, FIRST_ORDER) if _lags(term) else ""
+        return FittedSize(name, size, error, term.amplitudes[0].unit, of_law, remark, felt)
     errors = np.sqrt(np.diag(among))
     with np.errstate(divide="ignore", invalid="ignore"):
         best = int(np.nanargmin(np.abs(errors / np.where(sizes, sizes, np.nan)))) if np.any(sizes) else 0
@@ -137,6 +139,19 @@ def fitted_size(
     return FittedSize(
         names[best].replace("_", " "), float(sizes[best]), float(errors[best]), unit, remark=remark, poles=felt
     )
+
+
+def _lags(term: MotionTerm) -> bool:
+    """Whether its size is the time of a low-pass."""
+    return term.identifier == "transducer_bandwidth"
+
+
+def _corner(lag: float, error: float, sharpness: float) -> str:
+    """The corner frequency of a low-pass, to go on after its time [s]."""
+    if lag <= 0.0:
+        return ""
+    corner = Lag("", lag, sharpness).corner
+    return f" (corner at {measured(corner, corner * error / lag)} Hz)"
 
 
 def error_of_law(problem: TermProblem, fits: tuple[TermFit, ...], place: int) -> float:
