@@ -267,6 +267,12 @@ def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: 
     assert {part.mark for part in action_sheet(quiet, residual).parts} == {""}
     unknown = replace(judged.diagnosis, verdict=Verdict.NOT_IN_LIBRARY, refit=None)
     assert "we can show where, not why. The closest, " in answers_of(unknown, residual)["Cause"]
+    noise = unknown.floor[unknown.mismatch.locations[0].signal.removeprefix("torque_")].u
+    proof = judged.diagnosis.held_out
+    assert proof is not None
+    for left, said_so in ((0.5 * noise, True), (noise, False)):
+        repeated = replace(unknown, held_out=replace(proof, rmse_after=left))
+        assert ("repeats show the pattern too" in answers_of(repeated, residual)["What differs"]) is said_so
     assert unknown.naming is not None
     for naming, why in (
         (replace(unknown.naming, explained=True), "but fails on readings not used for the fit."),

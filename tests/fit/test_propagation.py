@@ -14,6 +14,7 @@ import polars as pl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import binom
 from tests.points import joined, measured, points
 from tests.report.example import draw_svg
 
@@ -28,7 +29,7 @@ from pmg.pipeline.fit.losses import AVERAGED, QUANTITIES, power_balance
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.propagation import Spread
 from pmg.pipeline.grid.missing_uncertainty import unstated_columns, unstated_in
-from pmg.pipeline.report.document import Figure, PowerFlow
+from pmg.pipeline.report.document import Figure, PowerFlow, Text
 from pmg.pipeline.report.table import Table
 from pmg.sim import signals
 from pmg.sim.bench import BenchParameters, SourcedQuantity, load_bench
@@ -337,6 +338,23 @@ def test_the_chapter_states_u_of_each_branch(bench: BenchParameters) -> None:
     assert inside[-2:] == ["relative bearing", "unexplained"]
     letters = "".join(ElementTree.fromstring(draw_svg(figure)).itertext())
     assert letters.count("±") >= 8
+
+
+def test_powers_off_by_more_than_u_are_a_warning_where_chance_does_not_make_as_many() -> None:
+    flow, *others = fitted()[-1]
+    n = len(flow.grid)
+
+    def told(beyond: int) -> Text:
+        off = np.where(np.arange(n) < beyond, 1.5, 0.5) * flow.expanded("unexplained")
+        chain = replace(flow.chain, unexplained=off)
+        section = flow_section((replace(flow, chain=chain), *others))
+        return next(item for item in section.items if isinstance(item, Text) and item.kind in {"finding", "warning"})
+
+    by_chance = max(k for k in range(n) if binom.sf(k - 1, n, 0.0455) > 0.05)
+    assert told(0).kind == told(by_chance).kind == "finding"
+    assert f"at {n - by_chance} of {n} points; 5% of points lie beyond U by chance" in told(by_chance).body
+    assert told(by_chance + 1).kind == "warning"
+    assert f"at {by_chance + 1} of {n} points" in told(by_chance + 1).body
 
 
 @pytest.mark.parametrize("expanded", [(1.0,), (1.0, 1.0, -1.0)])

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.points import points
 
+from pmg.pipeline.chapters.measured.sensor_fault import highest_loss
 from pmg.pipeline.model.sensor_fault_correction import _torques_behind
 from pmg.sim.mechanisms.base import Instrument, Torques
 from pmg.sim.mechanisms.instruments import Crosstalk, GainError, ZeroOffset, distorted
+from pmg.sim.signals import LOSS_TOTAL
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,3 +48,18 @@ def test_a_reading_without_faults_stays_as_it_is() -> None:
     at = points("engaged", [500.0], [-192.0], 1.0)
     sun, ring = _torques_behind((), at, np.array([0.5]), np.array([1.0]))
     assert (sun.tolist(), ring.tolist()) == ([0.5], [1.0])
+
+
+@pytest.mark.parametrize(
+    ("off", "told"), [(0.3, "12.3 ± 2.0 W without a fault"), (0.1, "would move it by 0.1 W at most")]
+)
+def test_a_loss_without_a_fault_is_told_where_the_fault_moves_it(off: float, told: str) -> None:
+    balance: Any = SimpleNamespace(
+        values={LOSS_TOTAL.name: np.array([3.0, 12.0])},
+        u=lambda _: np.array([1.0, 1.0]),
+        grid=SimpleNamespace(points=SimpleNamespace(name=("low", "high"))),
+    )
+    values, spread = {LOSS_TOTAL.name: np.array([3.0, 12.0 + off])}, {LOSS_TOTAL.name: np.zeros(2)}
+    fault: Any = SimpleNamespace(values=values, spread=spread, description="a fault")
+    assert highest_loss((fault,), balance).startswith("Total loss at high (U = 2u): 12.0 ± 2.0 W as read; ")
+    assert told in highest_loss((fault,), balance)

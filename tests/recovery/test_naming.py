@@ -114,6 +114,10 @@ def test_what_is_outside_the_catalogue_is_not_named(bench: BenchParameters) -> N
     assert "91% of the difference" in row["why"]
     assert len(diagnosis_document(faint)["rivals"]) == 2
     assert "No cause can be named. It may be " in statement(faint)
+    proof = found.held_out
+    assert proof is not None
+    plain = replace(faint, held_out=replace(proof, gain_interval=(0.6 * proof.rmse_before, proof.rmse_before)))
+    assert "No cause can be named" not in statement(plain), "a curve predicts most of it on data not used"
     small = replace(weak, rounds=(replace(rounds[0], ranking=(replace(first, gain=0.1 * WEAK),)),))
     assert not diagnosis_document(replace(faint, naming=small))["rivals"]
     assert "No cause can be named: " in statement(replace(faint, naming=small))

@@ -8,6 +8,7 @@ import numpy as np
 
 from pmg.pipeline.chapters.bench_parts import GROUNDS, SHEET, UNSETTLED, UNSETTLED_COST, bench_parts, part_words
 from pmg.pipeline.chapters.explained.before_after import before_and_after
+from pmg.pipeline.chapters.explained.cost import cost_of_cause, cost_of_places
 from pmg.pipeline.diagnosis.design.direct_check import nothing_yet
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.diagnosis import possible_components
@@ -28,21 +29,16 @@ from pmg.pipeline.diagnosis.grid.statement import (
     torque_change,
 )
 from pmg.pipeline.diagnosis.grid.track_record import track_record
-from pmg.pipeline.fit.losses import total_loss_and_efficiency
 from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
 from pmg.pipeline.wording.cause_sets import numbered
 from pmg.pipeline.wording.plurals import capitalised, counted, uncapitalised
-from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import numpy.typing as npt
-
     from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
-    from pmg.pipeline.grid.readings import Readings
     from pmg.sim.signals import Array
 
 
@@ -124,7 +120,7 @@ def _answers(
     yield SheetAnswer("Next test", (_next(diagnosis),), "next-tests" * bool(diagnosis.next_tests))
     yield SheetAnswer("In the model", (IN_THE_MODEL[verdict],))
     if cost := tuple(
-        _cost(diagnosis, residual, as_read) if diagnosis.refit is not None else _cost_of_places(diagnosis)
+        cost_of_cause(diagnosis, residual, as_read) if diagnosis.refit is not None else cost_of_places(diagnosis)
     ):
         yield SheetAnswer("If ignored", (UNSETTLED_COST,) if unsettled and action == NOTHING else cost)
 
@@ -149,7 +145,9 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
             yield f"The {side} {what} is off{why}: {size}{taken_up(diagnosis, fit)}"
     else:
         where, side = largest(diagnosis), diagnosis.mismatch.locations[0].signal.removeprefix("torque_")
-        yield f"{capitalised(where)} Repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m."
+        noise, proof = diagnosis.floor[side].u, diagnosis.held_out
+        too = ": repeats show the pattern too" if proof is not None and proof.rmse_after < IN_REPEATS * noise else ""
+        yield f"{capitalised(where)} Repeatability is {noise * 1e3:.1f} mN m{too}."
     if diagnosis.outliers:
         yield f"{counted(len(diagnosis.outliers), 'outlier')} excluded first."
 
@@ -222,52 +220,8 @@ def _next(diagnosis: Diagnosis) -> str:
     return "No test of those known tells them apart: compare with a campaign of the same bench (`pmg report A B`)."
 
 
-def _cost(diagnosis: Diagnosis, residual: Array, as_read: str) -> Iterator[str]:
-    """Loss by which a model without the cause is wrong, or the readings with it, and the same in efficiency."""
-    naming, found, readings = diagnosis.naming, diagnosis.refit, diagnosis.mismatch.readings
-    assert naming is not None
-    assert found is not None
-    faults = [fit for fit in naming.best.fits if issubclass(fit.candidate.kind, Instrument)]
-    of_readings = np.sum([fit.effect for fit in faults], axis=0) if faults else np.zeros(len(residual))
-    acting = np.sum([fit.effect for fit in naming.best.fits], axis=0) != 0.0
-    first = "If the first is the cause, a" if diagnosis.verdict is Verdict.AMBIGUOUS else "A"
-    if len(faults) < len(naming.best.fits):
-        missing = residual - (readings.torque - found.prediction) - of_readings
-        yield from _power(diagnosis, f"{first} model without it is wrong", np.where(acting, missing, 0.0))
-    if as_read:
-        yield as_read
-    else:
-        yield from _power(diagnosis, "Losses from these readings are wrong", of_readings)
-
-
-def _power(diagnosis: Diagnosis, what: str, wrong: Array) -> Iterator[str]:
-    """What an error of the torques (m,) [N m] makes of the losses, and of the efficiency; nothing without one."""
-    readings, at = diagnosis.mismatch.readings, diagnosis.mismatch.readings.grid.points
-    acting = (readings.configuration != "zero") & (wrong != 0.0)
-    if not acting.any():
-        return
-    loss = np.bincount(readings.row[acting], (wrong * readings.speed_own)[acting], len(at))
-    of = np.unique(readings.row[acting])
-    most = float(np.abs(loss[of]).max())
-    carried = np.abs(at.torque_ring * at.speed_ring)[of]
-    loaded = at.engaged[of] & (carried > LOADED * np.max(carried, where=at.engaged[of], initial=0.0))
-    points = _efficiency(readings, wrong, of[loaded]) if loaded.any() else 0.0
-    share = f", and {points:.2g} points of efficiency under load" if loaded.any() else ""
-    yield f"{what} by up to {most:.2g} W{share}."
-
-
-def _efficiency(readings: Readings, wrong: Array, rows: npt.NDArray[np.int64]) -> float:
-    """Largest change of the efficiency, in points, at engaged rows of the grid that an error of the torques (m,) makes.
-
-    Engaged, the ring torque is the input: the whole error is one of the sun torque.
-    """
-    grid = readings.grid
-    of_sun = np.bincount(readings.row, np.where(readings.sun, wrong, 0.0), len(grid))
-    at, read, ring = grid.points[rows], grid.torque_sun[rows], grid.torque_ring[rows]
-    _, with_it = total_loss_and_efficiency(at, read, ring)
-    _, without = total_loss_and_efficiency(at, read - of_sun[rows], ring)
-    return float(100.0 * np.abs(with_it - without).max())
-
+IN_REPEATS = 0.7
+"""Part of the repeatability below which an error with a fitted curve tells that repeats hold what the curve does."""
 
 HIDDEN_LISTED = 3
 """Mechanisms whose detectable size is given."""
@@ -280,21 +234,3 @@ IN_THE_MODEL = {
     Verdict.CONSISTENT: "`model.toml` is the calibrated bench: simulate with it (`pmg simulate --model model.toml`).",
 }
 """What to do with the model that a comparison leaves."""
-
-LOADED = 0.2
-"""Part of the largest power carried from which on a point counts as loaded."""
-
-
-def _cost_of_places(diagnosis: Diagnosis) -> Iterator[str]:
-    """Loss by which a model is wrong where a difference was found and no cause; nothing to pay where none was."""
-    mismatch, readings = diagnosis.mismatch, diagnosis.mismatch.readings
-    if diagnosis.verdict is Verdict.CONFOUNDED:
-        yield "Cannot be told: a drift would be taken for losses of the gear."
-    elif mismatch.locations:
-        effect = np.sum([place.effect for place in mismatch.locations], axis=0)
-        moving = (readings.configuration != "zero") & (effect != 0.0)
-        loss = np.bincount(readings.row[moving], (effect * readings.speed_own)[moving], len(readings.grid))
-        of = loss[np.unique(readings.row[moving])]
-        yield f"The model is wrong by up to {np.abs(of).max():.2g} W at the points where it differs."
-    elif not mismatch.found:
-        yield "Nothing: no difference beyond repeatability."

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.report.table import Cell
 
 
+MOVES = 0.1
+"""Part of its U by which a fault must move a loss to be told."""
+
+
 def sensor_fault_warning(found: tuple[CorrectedLosses, ...]) -> str:
     """The warning in a sentence."""
     of = "may have" if found[0].doubtful else "has"
@@ -24,16 +28,21 @@ def sensor_fault_warning(found: tuple[CorrectedLosses, ...]) -> str:
 
 
 def highest_loss(found: tuple[CorrectedLosses, ...], balance: PowerBalance | None) -> str:
-    """The highest loss as read and without the fault, under each explanation that has one; empty without a fault."""
+    """The highest loss as read and without the fault, under each explanation that moves it; empty without a fault."""
     if not found or balance is None:
         return ""
     loss_name = signals.LOSS_TOTAL.name
     i = int(np.argmax(balance.values[loss_name]))
     u = float(balance.u(loss_name)[i])
-    as_read = _loss(float(balance.values[loss_name][i]), 2.0 * u)
-    without = [(one.values[loss_name][i], np.hypot(u, one.spread[loss_name][i]), one.description) for one in found]
-    others = "; ".join(f"{_loss(float(v), 2.0 * float(w))} without {fault}" for v, w, fault in without)
-    return f"Total loss at {balance.grid.points.name[i]} (U = 2u): {as_read} as read; {others}."
+    read = float(balance.values[loss_name][i])
+    moved = [float(one.values[loss_name][i]) - read for one in found]
+    others = [
+        f"{_loss(read + off, 2.0 * float(np.hypot(u, one.spread[loss_name][i])))} without {one.description}"
+        for one, off in zip(found, moved, strict=True)
+        if not abs(off) < MOVES * 2.0 * u
+    ]
+    told = "; ".join(others) or f"a fault that is possible would move it by {max(map(abs, moved)):.1g} W at most"
+    return f"Total loss at {balance.grid.points.name[i]} (U = 2u): {_loss(read, 2.0 * u)} as read; {told}."
 
 
 def _loss(value: float, expanded: float) -> str:

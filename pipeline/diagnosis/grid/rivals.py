@@ -41,6 +41,10 @@ NONE_KNOWN = {
 no cause is proved."""
 
 
+PREDICTED = 0.5
+"""Part of the error on data not used for a fit that a curve must take away for a difference to be plain."""
+
+
 def rival_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Every cause that is not excluded, with why; of what is said to be none of the catalogue, those that come near."""
     if diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
@@ -51,8 +55,14 @@ def rival_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 
 def is_faint(diagnosis: Diagnosis) -> bool:
-    """Whether a difference, of which no cause is named, is too faint to exclude any."""
-    naming = diagnosis.naming
+    """Whether a difference, of which no cause is named, is too faint to exclude any.
+
+    One that a curve predicts on data not used for the fit is not faint, however large the scatter of repeats that it
+    makes.
+    """
+    naming, proof = diagnosis.naming, diagnosis.held_out
+    if proof is not None and proof.gain_interval[0] > PREDICTED * proof.rmse_before:
+        return False
     none = diagnosis.verdict is Verdict.NOT_IN_LIBRARY
     return none and naming is not None and naming.rounds[0].remainder.excess < WEAK
 
