@@ -6,6 +6,8 @@ import pickle
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -289,3 +291,24 @@ def test_runs_that_are_asked_for_are_made_on_the_same_bench_after_the_others() -
     assert longer.scene.bench == case.scene.bench
     course = longer.scene.machine().follow(runs[-1], longer.scene.begun[-1])
     assert course.run.point == "loaded"
+
+
+def test_an_effect_with_which_a_drive_cannot_hold_its_shaft_is_as_large_as_it_can() -> None:
+    """Where the runs end nowhere with it, it is halved, so that what is sealed can be recorded."""
+    effect = _draw_effect("rotor_inertia", "sun", np.random.default_rng(3))
+
+    def courses(effects: list[Any]) -> list[Any]:
+        held = effects[0].size <= 1.0
+        return [
+            SimpleNamespace(size=effects[0].size, torque=PerShaft(np.array([1.0, 1.0 if held else np.nan]), np.ones(2)))
+        ]
+
+    def measure(found: list[Any]) -> EffectSize:
+        assert np.isfinite(found[0].torque.sun).all()
+        return EffectSize(found[0].size, found[0].size, PerShaft(0.0, 0.0))
+
+    yardstick: Any = SimpleNamespace(scene=SimpleNamespace(courses=courses), measure=measure)
+    scaled = scale_to(yardstick, effect, 4.0)
+    assert 0.5 < scaled.effect.size <= 1.0
+    assert scaled.reached.absorbed == scaled.effect.size
+    assert scale_to(yardstick, effect, 0.7).reached.absorbed == pytest.approx(0.7, rel=0.1)

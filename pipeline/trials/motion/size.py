@@ -16,7 +16,7 @@ import numpy as np
 
 from pmg.pipeline.trials.motion.balance import CourseBalance, Spectrum
 from pmg.pipeline.trials.motion.machine import SyntheticMachine
-from pmg.sim.shafts import PerShaft, per_shaft
+from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -144,6 +144,15 @@ class SizedEffect:
     reached: EffectSize
 
 
+def _run(scene: Scene, effect: MotionEffect) -> tuple[MotionEffect, list[BenchCourse]]:
+    """An effect and the runs with it; halved where a drive cannot hold a shaft with it, and the runs end nowhere."""
+    courses = scene.courses([effect])
+    while not all(np.isfinite(course.torque[side]).all() for course in courses for side in SIDES):
+        effect = replace(effect, size=0.5 * effect.size)
+        courses = scene.courses([effect])
+    return effect, courses
+
+
 def scale_to(yardstick: MotionYardstick, effect: MotionEffect, asked: float) -> SizedEffect:
     """The effect at that size after absorption [sigma], or as large as a bench could have it."""
     if asked == 0.0:
@@ -151,7 +160,8 @@ def scale_to(yardstick: MotionYardstick, effect: MotionEffect, asked: float) -> 
     scene, power = yardstick.scene, 1.0
     last: tuple[float, float] | None = None
     for left in reversed(range(CORRECTIONS)):
-        size = yardstick.measure(scene.courses([effect]))
+        effect, courses = _run(scene, effect)
+        size = yardstick.measure(courses)
         reached = size.absorbed
         at_end = reached < asked and effect.size >= effect.form.most
         if not left or at_end or abs(reached - asked) <= NEAR * asked:
