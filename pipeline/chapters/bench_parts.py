@@ -94,13 +94,13 @@ def bench_parts(
 
     reading = signal.replace("torque_", "") + "_torque_transducer"
 
-    def mark(component: Component) -> Literal["cause", "either", "possible", "seen", "read", ""]:
+    def mark(component: Component) -> Literal["cause", "either", "possible", "inspect", "seen", "read", ""]:
         if component in possible:
             return "cause" if component in certain else "either" if sure else "possible"
         if known:
             return ""
         if component in where:
-            return "seen" if len(where) == 1 else "possible"
+            return "seen" if len(where) == 1 else "inspect"
         return "read" if not where and component == reading else ""
 
     return tuple(MachinePart(name, group, mark(component)) for component, group, name in CHAIN)

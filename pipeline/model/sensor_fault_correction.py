@@ -67,7 +67,7 @@ class CorrectedLosses:
             known = {parameter.name: parameter for parameter in part.kind.parameters()}
             for name, value in part.values.items():
                 parameter = known[name]
-                factor, unit = displayed(parameter.unit, share=True)
+                factor, unit = displayed(parameter.unit, value, share=True)
                 words.append(f"{parameter.meaning} {numerals.number(factor * value, spec='.2g')}{unit}")
         return "; ".join(words)
 

@@ -12,6 +12,7 @@ MARKS = {
     "cause": "Cause",
     "either": "One of two",
     "possible": "Possible",
+    "inspect": "Inspect",
     "seen": "Seen here",
     "read": "Read here",
     "": "",
@@ -49,12 +50,12 @@ class MachinePart:
     group : str
         Which part of the chain it belongs to, such as a shaft.
     mark : str
-        ``cause``, ``either`` of two, ``possible``, ``seen``, ``read`` or empty.
+        ``cause``, ``either`` of two, ``possible``, ``inspect``, ``seen``, ``read`` or empty.
     """
 
     name: str
     group: str = ""
-    mark: Literal["cause", "either", "possible", "seen", "read", ""] = ""
+    mark: Literal["cause", "either", "possible", "inspect", "seen", "read", ""] = ""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ SHAFT_WORDS = {
     "sun": " on the sun shaft",
     "ring": " on the ring shaft",
     "both": "",
-    "either": " of the sun or the ring (these recordings cannot say which)",
+    "either": " of the sun or the ring",
 }
 """What follows the name of a cause, by the shaft that it acts on."""
 

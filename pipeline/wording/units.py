@@ -117,8 +117,17 @@ def kind_of(topic: str, unit: str, where: str) -> str:
     raise BenchError(f"{where}: unit", f"'{unit}'", f"a unit of which {topic} is made", near_miss(unit, known))
 
 
-def displayed(unit: str, *, share: bool) -> tuple[float, str]:
-    """Factor and unit, with a space before it, by which a value is shown: a share of something in per cent."""
+SMALL_TORQUE = 0.1
+"""Torque below which one is shown in thousandths [N m]."""
+
+
+def displayed(unit: str, size: float, *, share: bool) -> tuple[float, str]:
+    """Factor and unit, with a space before it, by which a value of a size is shown: a share of something in per cent.
+
+    A torque below `SMALL_TORQUE` is shown in mN m.
+    """
+    if unit == "N m" and abs(size) < SMALL_TORQUE:
+        return 1.0 / MILLI, " mN m"
     if unit != "1":
         return 1.0, f" {unit}"
     return (100.0, " %") if share else (1.0, "")

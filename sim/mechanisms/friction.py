@@ -144,7 +144,7 @@ class WindagePower(AirDrag):
     source = sources.SCHLICHTING.at("rotating disk, laminar and turbulent")
     shape = ("power",)
 
-    power: float = parameter("1", bounds=(1.4, 2.4), typical=1.8, meaning="power of the speed", null=2.0)
+    power: float = parameter("1", bounds=(1.4, 2.4), typical=1.8, meaning="exponent of the speed", null=2.0)
 
     def grown(self, speed: Number) -> Number:
         """A power of the speed."""

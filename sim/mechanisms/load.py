@@ -183,8 +183,8 @@ class LoadIronLossPower(IronLossUnderLoad):
     shape = ("power", "speed_power")
 
     k: float = parameter("N m s/rad", bounds=(0.0, 1e-2), typical=5e-5, meaning="damping at 1 N m and 100 rad/s")
-    power: float = parameter("1", bounds=(0.8, 2.2), typical=2.0, meaning="power of the transmitted torque", null=2.0)
-    speed_power: float = parameter("1", bounds=(0.5, 1.4), typical=1.0, meaning="power of the speed", null=1.0)
+    power: float = parameter("1", bounds=(0.8, 2.2), typical=2.0, meaning="exponent of the gear's torque", null=2.0)
+    speed_power: float = parameter("1", bounds=(0.5, 1.4), typical=1.0, meaning="exponent of the speed", null=1.0)
 
     def drag(self, torque: Number, speed: Number, rest: float) -> Number:
         """A power of the torque and one of the speed."""
@@ -233,7 +233,7 @@ class RelativeBearingUnderLoad(LoadLaw):
     m_0: float = parameter("N m", bounds=(0.0, 0.5), typical=0.01, meaning="drag at small speed difference")
     m_1: float = parameter("N m", bounds=(0.0, 0.5), typical=0.01, meaning="viscous drag at a difference of 100 rad/s")
     mu: float = parameter("1", bounds=(0.0, 0.1), typical=5e-3, meaning="friction per torque on the ring when engaged")
-    power: float = parameter("1", bounds=(0.3, 1.0), typical=0.67, meaning="power of the speed difference", null=0.67)
+    power: float = parameter("1", bounds=(0.3, 1.0), typical=0.67, meaning="exponent of the difference", null=0.67)
 
     def in_motion(self, configuration: Configuration, warmth: Warmth) -> RelativeBearingUnderLoad:
         """Itself; in neutral no load is transmitted."""

@@ -98,7 +98,7 @@ def test_the_oddities_of_the_tables_stand_on_the_first_screen(
         assert bottom <= 768
         assert letters >= 14
     places = [" ".join(text.split()) for text in marked]
-    assert places == ["magnetic gear Possible", "ring bearings Possible", "ring torque transducer Possible"]
+    assert places == ["magnetic gear Inspect", "ring bearings Inspect", "ring torque transducer Inspect"]
 
 
 def test_grids_go_in_by_their_bytes_and_the_report_comes_out_by_its(

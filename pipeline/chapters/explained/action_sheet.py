@@ -99,7 +99,8 @@ def _answers(
         sizes = (fitted(diagnosis, i) for i in range(len(naming.best.fits)))
         yield SheetAnswer("Verdict", (f"{title}: {causes(diagnosis, naming.best)}.", *sizes), "mechanisms")
     else:
-        yield SheetAnswer("Verdict", (f"{title}.",), GROUNDS)
+        hidden_by = ": in this order a drift looks like a loss" if verdict is Verdict.CONFOUNDED else ""
+        yield SheetAnswer("Verdict", (f"{title}{hidden_by}.",), GROUNDS)
     if before:
         yield SheetAnswer("About", (f"What is left {uncapitalised(before).rstrip(': ')}.",))
     yield SheetAnswer("What differs", tuple(_difference(diagnosis)), "locations" * bool(diagnosis.mismatch.locations))
@@ -115,6 +116,11 @@ def _answers(
     if sure := tuple(_sureness(diagnosis, bool(unsettled))):
         hidden = diagnosis.audit is not None and verdict is Verdict.CONSISTENT
         yield SheetAnswer("How sure", sure, "visibility" if hidden else GROUNDS)
+        if hidden and (never := sorted(title for title, size in _largest_hidden(diagnosis) if not np.isfinite(size))):
+            titles = [never[0], *map(uncapitalised, never[1:])]
+            yield SheetAnswer(
+                "Not visible", (f"{', '.join(titles)}: these points show them at no size.",), "visibility"
+            )
     first, action = (f"First: {uncapitalised(each)}" for each in unsettled[:1]), _action(diagnosis)
     yield SheetAnswer("On the bench", (*first, *unsettled[1:], *(() if unsettled and action == NOTHING else (action,))))
     yield SheetAnswer("Next test", (_next(diagnosis),), "next-tests" * bool(diagnosis.next_tests))
@@ -130,7 +136,7 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         yield beyond(diagnosis.mismatch)
         shafts = " and ".join(diagnosis.blind)
         yield f"The points were run in the order of the {shafts} speed, and none was repeated."
-        yield "A drift of any size would look like part of the loss curve. Which component would drift is unknown."
+        yield "Which component would drift is unknown."
     elif not diagnosis.mismatch.found:
         points = counted(int(diagnosis.mismatch.readings.grid.accepted.sum()), "point")
         u = " and ".join(f"{diagnosis.floor[side].u * 1e3:.1f} ({side})" for side in SIDES)
@@ -170,20 +176,24 @@ def _sureness(diagnosis: Diagnosis, unsettled: bool) -> Iterator[str]:
 
 
 def _hidden(diagnosis: Diagnosis) -> Iterator[str]:
-    """How large a fault could still hide: the largest sizes that are found with 95 % power, and what never is."""
-    largest_by: dict[str, float] = {}
-    for row in () if diagnosis.audit is None else diagnosis.audit.visible:
-        title = row.candidate.kind.title
-        size = np.inf if row.unseen else row.size_95 * 1e3
-        largest_by[title] = max(size, largest_by.get(title, 0.0))
-    seen = sorted(((size, title) for title, size in largest_by.items() if np.isfinite(size)), reverse=True)
+    """How large a fault could still hide: the largest sizes that are found with 95 % power."""
+    seen = sorted(((size, title) for title, size in _largest_hidden(diagnosis) if np.isfinite(size)), reverse=True)
     if not seen:
         return
     listed = ", ".join(f"{uncapitalised(title)} {size:.1f}" for size, title in seen[:HIDDEN_LISTED])
-    others = f"; {counted(len(seen) - HIDDEN_LISTED, 'other kind')} less" if len(seen) > HIDDEN_LISTED else ""
-    yield f"Smaller faults than these may be missed (95 % power; mN m rms): {listed}{others}."
-    if never := [uncapitalised(title) for title, size in largest_by.items() if not np.isfinite(size)]:
-        yield f"Not detectable at any size: {', '.join(never)}."
+    others = (
+        f"; {counted(len(seen) - HIDDEN_LISTED, 'other kind')} at smaller ones" if len(seen) > HIDDEN_LISTED else ""
+    )
+    yield f"Found in 95 of 100 campaigns from these sizes on (mN m rms): {listed}{others}."
+
+
+def _largest_hidden(diagnosis: Diagnosis) -> Iterator[tuple[str, float]]:
+    """Each kind of mechanism, and the largest size [mN m] that could hide on a shaft; no bound where none shows."""
+    by_title: dict[str, float] = {}
+    for row in () if diagnosis.audit is None else diagnosis.audit.visible:
+        title = row.candidate.kind.title
+        by_title[title] = max(np.inf if row.unseen else row.size_95 * 1e3, by_title.get(title, 0.0))
+    yield from by_title.items()
 
 
 def _action(diagnosis: Diagnosis) -> str:

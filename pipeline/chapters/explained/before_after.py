@@ -65,7 +65,7 @@ def _abscissa(diagnosis: Diagnosis, rows: npt.NDArray[np.intp], effect: Array) -
         under_load = 2.0 * float(np.sum(effect[rows][at.engaged] ** 2)) > float(np.sum(effect[rows] ** 2))
         follows = "run_history" if remembers else "load" if under_load else "speed_sun"
     if follows in ("load", "power_flow"):
-        return at.torque_ring, "ring torque [N m]"
+        return at.torque_ring, "load: ring torque [N m]"
     if follows == "speed_ring":
         return np.asarray(SPEED_RING.display(np.abs(at.speed_ring))), SPEED_RING.label
     if follows in ("speed_sun", "") or not points.ordered:

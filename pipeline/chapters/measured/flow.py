@@ -44,6 +44,9 @@ _PARTS = {
     "damping": "b, c, d",
 }
 
+AGREE = "The losses of the model are the measured ones, within the uncertainty (U = 2u),"
+"""What is said of power balances that leave nothing open, to go on with where."""
+
 _ABSENT = "Branches marked * depend on {inputs} too, for which no uncertainty is stated: the figures leave it out."
 
 
@@ -103,15 +106,16 @@ def _words(flow: Flow, i: int) -> str:
 def _finding(flow: Flow) -> Text:
     beyond, n = flow.beyond, len(flow.grid)
     if not beyond.any():
-        return Text(f"The measured powers add up within their uncertainty (U = 2u) at all {n} points.", kind="finding")
+        return Text(f"{AGREE} at all {n} points.", kind="finding")
     names = [str(name) for name in flow.grid.points.name[beyond]]
     text = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
     outside = 2.0 * float(norm.sf(COVERAGE_FACTOR))
     if binom.sf(len(names) - 1, n, outside) > 1.0 - CONFIDENCE:
-        add_up = f"The measured powers add up within their uncertainty (U = 2u) at {n - len(names)} of {n} points"
-        return Text(f"{add_up}; {outside:.0%} of points lie beyond U by chance, here {text}.", kind="finding")
+        agree = f"{AGREE} at {n - len(names)} of {n} points"
+        return Text(f"{agree}; {outside:.0%} of points lie beyond U by chance, here {text}.", kind="finding")
     return Text(
-        f"The measured powers do not add up within their uncertainty (U = 2u) at {len(names)} of {n} points: {text}.",
+        f"The losses of the model are not the measured ones, by more than the uncertainty (U = 2u), at {len(names)} of "
+        f"{n} points: {text}.",
         kind="warning",
     )
 

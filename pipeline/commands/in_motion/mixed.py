@@ -134,7 +134,7 @@ class MixedDiagnosis:
             both = row["id"] in self.joint.sizes and leading.get(row["id"]) == row["shaft"]
             if both and len(row["parameters"]) == 1:
                 (of_both,) = row["parameters"]
-                factor, unit = displayed(of_both["unit"], share=row["id"] in INSTRUMENTS)
+                factor, unit = displayed(of_both["unit"], of_both["value"], share=row["id"] in INSTRUMENTS)
                 size = measured(factor * of_both["value"], factor * of_both["standard_error"])
                 yield f"{titles()[row['id']]}, by both: {size}{unit}."
 

@@ -83,8 +83,10 @@ def lifting(diagnosis: Diagnosis) -> str:
     test = diagnosis.lifting
     if test is None:
         return "Repeat points spread over the grid, in random order."
-    sizes = " and ".join(f"{HIDDEN * diagnosis.floor[side].u / MILLI:.1f} mN m ({side})" for side in diagnosis.blind)
-    drift = f"a drift of {HIDDEN:g} times the repeatability, {sizes} rms,"
+    sizes = " or ".join(
+        f"{HIDDEN * diagnosis.floor[side].u / MILLI:.1f} mN m rms in the {side} torque" for side in diagnosis.blind
+    )
+    drift = f"a drift of {sizes}, {HIDDEN:g} times its repeatability,"
     power = f"It would show {drift} with {power_words(test.power)} probability; a smaller one less often."
     return f"{test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). {power}"
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.engine.held_out import change_words
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.form.shape import constants_in_words
 from pmg.pipeline.diagnosis.grid.covariate_words import covariate_words
@@ -187,7 +188,7 @@ def fitted(diagnosis: Diagnosis, i: int) -> str:
     values, errors = found.values[i], found.standard_errors[i]
     best = _surest(values, errors, len(fit.candidate.sizes))
     first, value, error = fit.candidate.parameters[best], values[best], errors[best]
-    factor, unit = displayed(first.unit, share=issubclass(fit.candidate.kind, Instrument))
+    factor, unit = displayed(first.unit, float(value), share=issubclass(fit.candidate.kind, Instrument))
     value, error = factor * float(value), factor * float(error)
     number = numerals.measured(value, error) if np.isfinite(error) else f"{value:.3g}"
     instead, other = "", naming.on_the_other_shaft(fit)
@@ -289,12 +290,9 @@ def held_out(diagnosis: Diagnosis) -> str:
     held = diagnosis.held_out
     if held is None:
         return ""
-    low, high = held.gain_interval
-    change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")
     first = "the first of them" if diagnosis.verdict is Verdict.AMBIGUOUS else "this effect"
     what = first if diagnosis.refit is not None else "this dependence"
     return (
-        f"With {what}, the error on data not used for the fit {change} from "
-        f"{held.rmse_before * 1e3:.2f} to {held.rmse_after * 1e3:.2f} mN m; noise alone makes "
+        f"With {what}, the error on data not used for the fit {change_words(held, 2)}; noise alone makes "
         f"{held.noise_floor * 1e3:.2f} mN m."
     )

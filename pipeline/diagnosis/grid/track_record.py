@@ -53,15 +53,16 @@ class TrackRecord:
         )
 
 
+NONE_HELD = "The cause was the closest one, or none of the catalogue,"
+"""What holds the truth where no known cause is given."""
+
 RECORD = {
     "named": TrackRecord("a cause named", "The cause named was right", 148, 154),
     "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 30, 30),
     "weak": TrackRecord(
         "a difference too weak to name its cause, or none proved", "The truth was among those given", 68, 70
     ),
-    "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "The cause was unknown or the closest", 109, 114
-    ),
+    "not_in_library": TrackRecord("no known cause given, with those that come near", NONE_HELD, 109, 114),
 }
 """From the trial of 600 campaigns in ``pipeline/trials/README.md``; sizes, causes and designs as drawn there."""
 
@@ -72,9 +73,7 @@ IN_MOTION = {
     "weak": TrackRecord(
         "a difference too weak to name its cause, or none proved", "The truth was among those given", 14, 15
     ),
-    "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "The cause was unknown or the closest", 24, 25
-    ),
+    "not_in_library": TrackRecord("no known cause given, with those that come near", NONE_HELD, 24, 25),
 }
 """The same of runs in motion, from the last draw of 240 campaigns, in ``pipeline/trials/motion/README.md``."""
 
@@ -82,9 +81,7 @@ IN_MOTION = {
 OF_MACHINES = {
     "named": TrackRecord("a cause named", "The cause named was right", 56, 58),
     "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 25, 25),
-    "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "The cause was unknown or the closest", 32, 34
-    ),
+    "not_in_library": TrackRecord("no known cause given, with those that come near", NONE_HELD, 32, 34),
 }
 """The same of other machines, from the trial of 160 campaigns in ``pipeline/trials/machines/README.md``."""
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
+from pmg.pipeline.diagnosis.engine.held_out import change_words
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.law_words import bent_sentence
 from pmg.pipeline.diagnosis.grid.rivals import nearest_share, why_not_named, why_weak
@@ -190,16 +191,12 @@ def proof_sentence(diagnosis: MotionDiagnosis) -> str:
     held = held_out_in_torque(diagnosis)
     if held is None:
         return ""
-    low, high = held.gain_interval
-    change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")
-    before, after = held.rmse_before / MILLI, held.rmse_after / MILLI
-    digits = 1 if f"{before:.1f}" != f"{after:.1f}" else 2
+    digits = 1 if f"{held.rmse_before / MILLI:.1f}" != f"{held.rmse_after / MILLI:.1f}" else 2
     main = (
         "" if diagnosis.weak and not diagnosis.in_part else in_the_main_sentence(diagnosis.naming, diagnosis.held_out)
     )
     return (
-        f"With it in the model, the error on runs not used for the fit {change} from "
-        f"{before:.{digits}f} to {after:.{digits}f} mN m; noise alone makes "
+        f"With it in the model, the error on runs not used for the fit {change_words(held, digits)}; noise alone makes "
         f"{held.noise_floor / MILLI:.{digits}f} mN m. {_fall_sentence(diagnosis)}{main}"
     ).rstrip()
 
