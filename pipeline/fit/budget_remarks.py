@@ -23,7 +23,7 @@ ZERO_LEVEL = 0.01
 def budget_remarks(budget: Budget) -> Iterator[Remark]:
     """Remarks in the plain form of a stage's findings: slow noise, means that stray, a tare off or unknown."""
     grid, facts = budget.grid, budget.facts
-    if facts is not None and facts.correlated.any():
+    if facts is not None and not facts.correlated_by_chance:
         names = grid.points.name[facts.correlated]
         shown = listed([str(name) for name in names])
         message = (

@@ -6,11 +6,14 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import stats
 
 from pmg.pipeline.recording.codes import Code
 from pmg.pipeline.recording.means import MEMORY_METHOD
 from pmg.pipeline.windows.limits import LIMITS
+from pmg.pipeline.windows.reduce import FLAGGED_BY_CHANCE
 from pmg.pipeline.windows.remarks import REMARK
+from pmg.pipeline.wording.probability import CONFIDENCE
 from pmg.sim.bench import SourcedQuantity
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 from pmg.sim.sources import Source
@@ -82,6 +85,12 @@ class WindowFacts(PerShaft[ShaftFacts]):
     def correlated(self) -> Mask:
         """Windows flagged on either shaft (n,)."""
         return self.sun.correlated | self.ring.correlated
+
+    @property
+    def correlated_by_chance(self) -> bool:
+        """Whether flat noise would have as many windows flagged, in 5 of 100 campaigns or more."""
+        flags = np.concatenate([self.sun.correlated, self.ring.correlated])
+        return bool(stats.binom.sf(flags.sum() - 1, len(flags), FLAGGED_BY_CHANCE) > 1.0 - CONFIDENCE)
 
 
 def sorted_windows(manifests: Sequence[Manifest]) -> list[StoredWindow]:

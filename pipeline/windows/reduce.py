@@ -31,6 +31,8 @@ DOUBTED = 0.45
 """Weight of noise that batches cannot give the uncertainty of, beyond which all forms of noise that fit give it."""
 FLAGGED = 0.3
 """Weight of noise that is not flat at the lowest frequencies of the window, beyond which the window is flagged."""
+FLAGGED_BY_CHANCE = 0.01
+"""Part of windows that are flagged although their noise is flat."""
 LONG_MEMORY = 0.05
 """Correlation time, as part of the window, that counts as such where only that is known."""
 

@@ -294,6 +294,10 @@ def test_remarks_name_slow_noise_and_a_tare_that_is_off() -> None:
     slow = list(budget_remarks(budget(flagged=3)))
     assert [remark.where for remark in slow] == ["windows"]
     assert campaign().points.name[3] in slow[0].message
+    one = facts(campaign()).sun
+    once = WindowFacts(one, replace(one, correlated=np.arange(len(one.dof)) == 3), (), one.correlated)
+    assert once.correlated_by_chance
+    assert not list(budget_remarks(budget_of(campaign(), FLOOR, BENCH, once))), "flat noise has one as often"
     off = list(budget_remarks(budget(campaign(zero=5e-3))))
     assert [remark.where for remark in off] == ["zero checks"]
     assert "sun" in off[0].message

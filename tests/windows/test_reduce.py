@@ -10,7 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal, stats
 
-from pmg.pipeline.windows.reduce import TOGETHER, _low_passed_std, _reduce_shaft, end_to_end_speed, low_pass
+from pmg.pipeline.windows.reduce import (
+    FLAGGED_BY_CHANCE,
+    TOGETHER,
+    _low_passed_std,
+    _reduce_shaft,
+    end_to_end_speed,
+    low_pass,
+)
 from pmg.pipeline.windows.revolutions import batch_means
 from pmg.sim.signals import RPM
 
@@ -151,3 +158,12 @@ def test_nothing_gives_nothing() -> None:
     assert math.isnan(found.torque)
     assert math.isnan(found.speed)
     assert found.dof == 0
+
+
+def test_flat_noise_is_flagged_as_slow_as_often_as_is_stated() -> None:
+    rng, rate = np.random.default_rng(20261201), 1000.0
+    time = np.arange(2500) / rate
+    found = (_reduce_shaft(rng.normal(0.0, 5e-3, 2500), rng.uniform(5.0, 190.0) * time, rate) for _ in range(1000))
+    flagged = sum(means.correlated for means in found)
+    low, high = stats.binom.interval(0.99, 1000, FLAGGED_BY_CHANCE)
+    assert low <= flagged <= high

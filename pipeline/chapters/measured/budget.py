@@ -117,13 +117,12 @@ def _windows(budget: Budget) -> tuple[Text | Table, ...]:
     items: list[Text | Table] = []
     if len(flagged):
         named = ", ".join(map(str, flagged[:MOST_NAMED])) + (" ..." if len(flagged) > MOST_NAMED else "")
-        items.append(
-            Text(
-                f"At {len(flagged)} of {counted(len(budget.grid), 'point')} low-frequency noise makes the mean "
-                f"less certain: {named}. Use longer windows.",
-                kind="warning",
-            )
-        )
+        points = f"At {len(flagged)} of {counted(len(budget.grid), 'point')}"
+        if budget.facts.correlated_by_chance:
+            items.append(Text(f"{points} noise looks slow, as it does by chance in as many: {named}."))
+        else:
+            slow = f"{points} low-frequency noise makes the mean less certain: {named}. Use longer windows."
+            items.append(Text(slow, kind="warning"))
     sets = budget.facts.limits
     if len(sets) > 1:
         words = f"Windows were judged by {len(sets)} sets of limits: ingest all recordings by one to compare like."
