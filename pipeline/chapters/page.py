@@ -245,6 +245,8 @@ def _verdict(
     above = 0 if analysis.balance is None else int(analysis.balance.above_one().sum())
     zeros = int(grid.points.zero.sum())
     checks = f" ({counted(zeros, 'zero check')})" if zeros else ""
+    if not zeros and grid.origin != "published":
+        checks = " (no zero check)"
     figures = [("Points accepted", f"{int(grid.accepted.sum())} of {len(grid)}{checks}")]
     if agreed is not None:
         out = int(agreed.compared.sum()) - int(agreed.within.sum())

@@ -106,7 +106,7 @@ class RelativeBearing(LookedUpDrag):
     """
 
     identifier = "relative_bearing_share"
-    title = "Relative bearing 3"
+    title = "Relative bearing"
     equation = r"\tau_k = -\mathrm{sgn}(\omega_k)\,K_\mathrm{corr}\,\sigma_{3k}\,B_k(|\omega_k|),\ k = s, r"
     source = sources.THESIS.at("section 5.3.3, table 5.2")
     component = Component.RELATIVE_BEARING

@@ -216,7 +216,7 @@ class RelativeBearingUnderLoad(LoadLaw):
     """
 
     identifier = "relative_bearing_drag"
-    title = "Relative bearing 3 driven by the speed difference"
+    title = "Relative bearing driven by the speed difference"
     equation = (
         r"\tau_s = -\mathrm{sgn}(\Delta)\,[m_0+m_1(|\Delta|/\Delta_0)^{n}+\mu\,|T_r|],\ \tau_r=-\tau_s,\ "
         r"\Delta=\omega_s-\omega_r"
@@ -257,7 +257,7 @@ class RelativeBearingDrag(RotorLaw):
     """
 
     identifier = "relative_bearing_drag"
-    title = "Relative bearing 3 driven by the speed difference"
+    title = "Relative bearing driven by the speed difference"
     equation = (
         r"\tau_s = -\mathrm{sgn}(\Delta)\,[m_0+m_1(|\Delta|/\Delta_0)^{2/3}],\ \tau_r=-\tau_s,\ "
         r"\Delta=\omega_s-\omega_r"
