@@ -47,7 +47,7 @@ LOOK = "Look for the cause"
 ASKS = {
     Verdict.CONSISTENT: "Check the warnings",
     Verdict.AMBIGUOUS: "Test again",
-    Verdict.CONFOUNDED: "Test again",
+    Verdict.CONFOUNDED: "Complete the test",
     Verdict.NOT_IN_LIBRARY: LOOK,
 }
 """What a verdict asks for that names no one cause, where not all is well."""
@@ -65,7 +65,7 @@ def asked_of(verdict: Verdict, *, repair: bool = False, test: bool = True) -> st
     test : bool
         Whether a test is known that would tell.
     """
-    asks = ASKS.get(verdict, "Act on the bench" if repair else "Extend the model")
+    asks = ASKS.get(verdict, "Act on the bench" if repair else "Use the extended model")
     return asks if test or asks != ASKS[Verdict.AMBIGUOUS] else LOOK
 
 

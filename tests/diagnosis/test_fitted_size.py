@@ -95,7 +95,7 @@ def test_a_size_of_either_sign_or_on_each_shaft_is_no_sum() -> None:
 
 def test_people_read_what_of_an_error_is_the_law() -> None:
     size = FittedSize("in all", 3.45e-3, 5e-4, "N m", of_law=4e-4)
-    shares = "of its error the unknown form of the law makes 0.4, noise 0.3"
+    shares = "the form of the law, not known, makes 0.4 of the error, noise 0.3"
     assert size.sentence == f"Fitted: in all 3.45 ± 0.50 mN m; {shares}."
     rotors = "10.4 ± 1.5 mN m on the sun rotor, 34.5 ± 5.0 mN m on the ring rotor"
     told = replace(size, poles=POLES).sentence

@@ -50,8 +50,8 @@ def test_a_mark_is_a_word_too() -> None:
 def test_the_word_above_a_verdict_says_what_it_asks_for() -> None:
     """Each kind of work has its word; a cause that lies in the physics alone is no matter of the bench."""
     words = [asked_of(verdict) for verdict in Verdict]
-    assert len(set(words)) == 4  # ambiguous and confounded both want a test
-    assert asked_of(Verdict.NAMED) == "Extend the model"
+    assert len(set(words)) == len(Verdict)
+    assert asked_of(Verdict.NAMED) == "Use the extended model"
     assert asked_of(Verdict.NAMED, repair=True) == "Act on the bench"
     assert asked_of(Verdict.AMBIGUOUS, test=False) == asked_of(Verdict.NOT_IN_LIBRARY, test=False)
     page = html(replace(example.report(), verdict=Headline("It is so.", "attention", asks=asked_of(Verdict.AMBIGUOUS))))

@@ -149,11 +149,10 @@ def torque_change(diagnosis: Diagnosis, fit: CandidateFit) -> tuple[str, str, st
     at = (fit.effect != 0.0) & readings.of_shaft[side]
     change = (left if read else readings.direction * left)[at] * 1e3
     low, high = (numerals.number(float(end), spec="+.1f") for end in (change.min(), change.max()))
-    return (
-        side,
-        "torque" if read else "drag",
-        f"{low} to {high} mN m beyond the fitted losses (repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m).",
-    )
+    u = diagnosis.floor[side].u * 1e3
+    many = " No one point shows it, only many together." if np.abs(change).max() < u else ""
+    size = f"{low} to {high} mN m beyond the fitted losses (repeatability is {u:.1f} mN m).{many}"
+    return side, "torque" if read else "drag", size
 
 
 MOSTLY_TAKEN_UP, KNOWN_WELL = 3.0, 0.3
@@ -285,7 +284,9 @@ def held_out(diagnosis: Diagnosis) -> str:
     """What the cause, or the short form, is worth on readings that took no part in the fit."""
     if (shape := diagnosis.shape) is not None:
         before, after = (rmse * 1e3 for rmse in (shape.held_out.rmse_before, shape.held_out.rmse_after))
-        drop = f"drops from {before:.2f} to {after:.2f} mN m"
+        noise = shape.held_out.noise_floor * 1e3
+        alone = f"; noise alone makes {noise:.2f} mN m" if noise < after else ""
+        drop = f"drops from {before:.2f} to {after:.2f} mN m{alone}"
         return f"With a fitted curve, the error on data not used for the fit {drop}."
     held = diagnosis.held_out
     if held is None:

@@ -80,12 +80,14 @@ class FittedSize:
             return number if unit == "1" else f"{number} {unit}"
 
         noise = math.sqrt(max(self.error**2 - self.of_law**2, 0.0))
-        shares = f"of its error the unknown form of the law makes {self.of_law / scale:.2g}, noise {noise / scale:.2g}"
+        form = (
+            f"the form of the law, not known, makes {self.of_law / scale:.2g} of the error, noise {noise / scale:.2g}"
+        )
         of_rotors = () if self.poles is None else self.poles.items()
         rotors = ", ".join(f"{told(times)} on the {side} rotor" for side, times in of_rotors)
         where = f" on the pole angle ({rotors})" if rotors else ""
         size = f"{self.name} {told()}".lstrip()
-        return f"Fitted: {size}{self.remark}{where}{f'; {shares}' if self.of_law else ''}."
+        return f"Fitted: {size}{self.remark}{where}{f'; {form}' if self.of_law else ''}."
 
 
 def fitted_size(
