@@ -47,7 +47,7 @@ COLUMNS: tuple[Column, ...] = (
     Column("name", _T, "", "name of the recording in the store", "Measurement.name"),
     Column("file", _T, "", "file it was ingested from", "Measurement.file"),
     Column("status", _T, "", "ingested, failed, or table: a grid read from tables", "Measurement.status"),
-    Column("point", _T, "", "test point of the window", "SubMatrix.name"),
+    Column("point", _T, "", "test point of the window or run", "SubMatrix.name"),
     Column("configuration", _T, "", "neutral, engaged or zero", "SubMatrix.configuration"),
     Column("gear", _N, "", "gear of the bench", "SubMatrix.gear"),
     Column("drive", _T, "", "shaft that drives", "SubMatrix.drive"),

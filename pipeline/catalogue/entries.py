@@ -79,19 +79,18 @@ def recording_entry(manifest: Manifest) -> Entry:
 
 
 def _moving(record: MovingRecord, rate: float) -> Entry:
-    """A run in motion: what it is asked for, and its mean, is no one value."""
+    """A run in motion: what it is asked for, and its mean, is no one value, and no grid holds it."""
     samples, begin = record.stop_sample - record.first_sample, _number(record.started_at_s)
     fields: dict[str, Cell] = {
         "name": _text(record.point),
         "measurement_begin": None if begin is None else _moment(begin),
         "begin_s": begin,
-        "seconds": _number(samples / rate),
+        "seconds": _number(samples / rate) if rate else None,
         "number_of_rows": _whole(samples),
         "accepted": int(record.sound),
         "reasons": _text("; ".join(record.reasons)),
         "rest_sun": int(not record.turns.sun),
         "rest_ring": int(not record.turns.ring),
-        "analysed": 0,
     }
     return Entry(fields)
 
@@ -234,7 +233,7 @@ def rejected_as_copies(entries: Sequence[Entry], manifests: Sequence[Manifest]) 
                         part.fields | {"accepted": int(window.accepted), "reasons": _text("; ".join(window.reasons))},
                         part.parts,
                     )
-                    for part, window in zip(entry.parts, manifest.windows, strict=False)
+                    for part, window in zip(entry.parts[: len(manifest.windows)], manifest.windows, strict=True)
                 ),
                 *entry.parts[len(manifest.windows) :],
             ),

@@ -107,7 +107,7 @@ def _with_grid(entries: Sequence[Entry], grid: Grid) -> tuple[list[Entry], list[
         windows = tuple(_analysed_window(entry.fields["campaign"], part, rows, grid) for part in entry.parts)
         found.append(Entry(entry.fields, windows))
     without = sum(
-        not part.fields["analysed"]
+        part.fields.get("analysed", 1) == 0  # what no grid can hold has no such field
         for entry in found
         for part in entry.parts
         if entry.fields["campaign"] == grid.campaign

@@ -183,7 +183,7 @@ def _insert(connection: sqlite3.Connection, table: str, fields: dict[str, Cell])
 
 
 def _view() -> str:
-    """The view ``runs``: the columns of `COLUMNS`, one row a window."""
+    """The view ``runs``: the columns of `COLUMNS`, one row a window or run in motion."""
     shown = ", ".join(f"{_source(column)} AS {column.name}" for column in COLUMNS)
     joins = " ".join(
         f"LEFT JOIN MeaQuantity {q} ON {q}.submatrix = SubMatrix.id AND {q}.name = '{q}'" for q in QUANTITIES

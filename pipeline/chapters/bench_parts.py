@@ -63,7 +63,7 @@ def asked_of(verdict: Verdict, *, repair: bool = False, test: bool = True) -> st
     repair : bool
         Whether something can be mended on the bench.
     test : bool
-        Whether a test is known that would tell.
+        Whether a test is known that would tell several causes apart.
     """
     asks = ASKS.get(verdict, "Act on the bench" if repair else "Use the extended model")
     return asks if test or asks != ASKS[Verdict.AMBIGUOUS] else LOOK

@@ -44,7 +44,7 @@ LIMITS = "limits"
 def run_list(
     store: Path, where: str | None = None, sort: str | None = None, columns: str | None = None, as_csv: bool = False
 ) -> Outcome:
-    """List the runs of a store, one row a window.
+    """List the runs of a store, one row a window or run in motion.
 
     Parameters
     ----------

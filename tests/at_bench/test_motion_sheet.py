@@ -80,6 +80,9 @@ def test_causes_lie_apart_by_what_they_do_in_the_run() -> None:
     assert apart["sun"] == pytest.approx(0.01 * math.sqrt(np.mean(torque**2)), rel=0.05)
     assert apart.get("ring", 0.0) == 0.0
     both = torque_apart(found, BACK, (thrice,), [(one,), ()])
+    shown = TermFit(TERMS["torque_crosstalk/ring/"], 1.0, 1.0, np.zeros(0), (), np.array([0.02]), math.nan)
+    (held,) = torque_apart(found, BACK, (shown,), [()])
+    assert held["ring"] > 0.0 == held["sun"], "the shaft that is held shows the torque of the other one"
     assert [each["sun"] for each in both] == pytest.approx([2.0 * apart["sun"], 3.0 * apart["sun"]])
 
 
@@ -135,7 +138,7 @@ def test_a_named_cause_has_the_sheet_of_the_run_that_confirms_it() -> None:
     assert sheet.runs[0].apart["sun"] > 0.0
     page = motion_page(sheet)
     assert "The cause makes" in page
-    assert "--model FILE" in page
+    assert "--store NEW --report REPORT --model model.toml" in page
     assert "same campaign" not in page
 
 

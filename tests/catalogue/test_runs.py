@@ -17,6 +17,8 @@ from tests.catalogue.conftest import LOADS, run_of
 from typer.testing import CliRunner
 
 from pmg.pipeline.catalogue.columns import COLUMNS
+from pmg.pipeline.catalogue.entries import Entry
+from pmg.pipeline.catalogue.gather import _with_grid
 from pmg.pipeline.catalogue.index import FILE, TABLES, open_catalogue
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.ingest_files import ingest
@@ -330,3 +332,12 @@ def test_a_failed_file_has_no_means_to_compare(store: Path) -> None:
 
 def test_no_store_is_told(tmp_path: Path) -> None:
     assert "ingest" in call("list", tmp_path / "none", expect=2)["error"]["do"]
+
+
+def test_a_run_in_motion_is_no_window_that_an_analysis_lacks(store: Path) -> None:
+    grid = measured_grid(*choose_campaign(Store(store), None), load_bench())
+    window = Entry({"name": "E_a", "begin_s": 0.0, "accepted": 1, "analysed": 0})
+    moving = Entry({"name": "ramp", "begin_s": 1.0, "accepted": 1})
+    for part, lacking in ((window, 1), (moving, 0)):
+        _, (told,) = _with_grid([Entry({"campaign": grid.campaign}, (part,))], grid)
+        assert f"it lacks {lacking} windows and has {len(grid)} others" in told.message

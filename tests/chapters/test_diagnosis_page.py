@@ -267,10 +267,9 @@ def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: 
     assert {part.mark for part in action_sheet(quiet, residual).parts} == {""}
     unknown = replace(judged.diagnosis, verdict=Verdict.NOT_IN_LIBRARY, refit=None)
     assert "we can show where, not why. The closest, " in answers_of(unknown, residual)["Cause"]
-    noise = unknown.floor[unknown.mismatch.locations[0].signal.removeprefix("torque_")].u
     proof = judged.diagnosis.held_out
     assert proof is not None
-    for left, said_so in ((0.5 * noise, True), (noise, False)):
+    for left, said_so in ((0.5 * proof.noise_floor, True), (proof.noise_floor, False)):
         repeated = replace(unknown, held_out=replace(proof, rmse_after=left))
         assert ("repeats show the pattern too" in answers_of(repeated, residual)["What differs"]) is said_so
     assert unknown.naming is not None
@@ -304,7 +303,10 @@ def test_a_consistent_sheet_says_how_large_a_fault_could_still_hide(judged: Comp
     largest = max((row for row in seen if row.candidate.kind.title not in never), key=lambda row: row.size_95)
     assert f"{largest.candidate.kind.title.lower()} {largest.size_95 * 1e3:.1f}" in said.lower()
     assert all(title.lower() in hidden.lower() for title in never)
-    assert "Not detectable" not in answers_of(replace(quiet, audit=None), residual)["How sure"]
+    blind = answers_of(replace(quiet, audit=None), residual)
+    assert "Not visible" not in blind
+    assert "Found in 95 of 100" in said
+    assert "Found in 95 of 100" not in blind["How sure"]
 
 
 def test_what_begins_warm_is_not_to_be_warmed_up(judged: ComparedCampaign) -> None:

@@ -60,6 +60,8 @@ def test_a_loss_without_a_fault_is_told_where_the_fault_moves_it(off: float, tol
         grid=SimpleNamespace(points=SimpleNamespace(name=("low", "high"))),
     )
     values, spread = {LOSS_TOTAL.name: np.array([3.0, 12.0 + off])}, {LOSS_TOTAL.name: np.zeros(2)}
-    fault: Any = SimpleNamespace(values=values, spread=spread, description="a fault")
+    fault: Any = SimpleNamespace(values=values, spread=spread, description="a fault", doubtful=True)
     assert highest_loss((fault,), balance).startswith("Total loss at high (U = 2u): 12.0 ± 2.0 W as read; ")
     assert told in highest_loss((fault,), balance)
+    fault.spread = {LOSS_TOTAL.name: np.array([0.0, 3.0])}
+    assert "without a fault" in highest_loss((fault,), balance), "by how much it moves it is not known"

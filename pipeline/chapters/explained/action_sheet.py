@@ -118,9 +118,7 @@ def _answers(
         yield SheetAnswer("How sure", sure, "visibility" if hidden else GROUNDS)
         if hidden and (never := sorted(title for title, size in _largest_hidden(diagnosis) if not np.isfinite(size))):
             titles = [never[0], *map(uncapitalised, never[1:])]
-            yield SheetAnswer(
-                "Not visible", (f"{', '.join(titles)}: these points show them at no size.",), "visibility"
-            )
+            yield SheetAnswer("Not visible", (f"{', '.join(titles)}: not detectable at any size.",), "visibility")
     first, action = (f"First: {uncapitalised(each)}" for each in unsettled[:1]), _action(diagnosis)
     yield SheetAnswer("On the bench", (*first, *unsettled[1:], *(() if unsettled and action == NOTHING else (action,))))
     yield SheetAnswer("Next test", (_next(diagnosis),), "next-tests" * bool(diagnosis.next_tests))
@@ -151,9 +149,12 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
             yield f"The {side} {what} is off{why}: {size}{taken_up(diagnosis, fit)}"
     else:
         where, side = largest(diagnosis), diagnosis.mismatch.locations[0].signal.removeprefix("torque_")
-        noise, proof = diagnosis.floor[side].u, diagnosis.held_out
-        too = ": repeats show the pattern too" if proof is not None and proof.rmse_after < IN_REPEATS * noise else ""
-        yield f"{capitalised(where)} Repeatability is {noise * 1e3:.1f} mN m{too}."
+        floor, proof = diagnosis.floor[side], diagnosis.held_out
+        repeated = (
+            proof is not None and np.isfinite(floor.repeats) and proof.rmse_after < IN_REPEATS * proof.noise_floor
+        )
+        too = ": repeats show the pattern too" if repeated else ""
+        yield f"{capitalised(where)} Repeatability is {floor.u * 1e3:.1f} mN m{too}."
     if diagnosis.outliers:
         yield f"{counted(len(diagnosis.outliers), 'outlier')} excluded first."
 

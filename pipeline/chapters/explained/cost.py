@@ -88,6 +88,9 @@ def cost_of_places(diagnosis: Diagnosis) -> Iterator[str]:
     elif mismatch.locations:
         effect = np.sum([place.effect for place in mismatch.locations], axis=0)
         moving = (readings.configuration != "zero") & (effect != 0.0)
+        if not moving.any():
+            yield "Nothing but the reading at rest."
+            return
         loss = np.bincount(readings.row[moving], (effect * readings.speed_own)[moving], len(readings.grid))
         of = loss[np.unique(readings.row[moving])]
         yield f"The model is wrong by up to {np.abs(of).max():.2g} W at the points where it differs."

@@ -12,6 +12,7 @@ from pmg.pipeline.analysis.power_flow import BRANCHES
 from pmg.pipeline.grid.levels import by_speed
 from pmg.pipeline.report.document import Column, Figure, Measured, PowerFlow, Section, Table, Text
 from pmg.pipeline.wording import numerals
+from pmg.pipeline.wording.plurals import counted
 from pmg.pipeline.wording.probability import CONFIDENCE, COVERAGE_FACTOR
 from pmg.sim import sources
 from pmg.sim.signals import SPEED_SUN
@@ -106,11 +107,13 @@ def _words(flow: Flow, i: int) -> str:
 def _finding(flow: Flow) -> Text:
     beyond, n = flow.beyond, len(flow.grid)
     if not beyond.any():
-        return Text(f"{AGREE} at all {n} points.", kind="finding")
+        return Text(f"{AGREE} at {'all ' * (n > 1)}{counted(n, 'point')}.", kind="finding")
     names = [str(name) for name in flow.grid.points.name[beyond]]
     text = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
     outside = 2.0 * float(norm.sf(COVERAGE_FACTOR))
-    if binom.sf(len(names) - 1, n, outside) > 1.0 - CONFIDENCE:
+    far = float(np.max(np.abs(flow.chain.unexplained) / flow.expanded("unexplained")))
+    plain = far * COVERAGE_FACTOR > norm.isf(0.5 * (1.0 - CONFIDENCE) / n)  # further off than any of n by chance
+    if not plain and binom.sf(len(names) - 1, n, outside) > 1.0 - CONFIDENCE:
         agree = f"{AGREE} at {n - len(names)} of {n} points"
         return Text(f"{agree}; {outside:.0%} of points lie beyond U by chance, here {text}.", kind="finding")
     return Text(

@@ -39,9 +39,10 @@ def highest_loss(found: tuple[CorrectedLosses, ...], balance: PowerBalance | Non
     others = [
         f"{_loss(read + off, 2.0 * float(np.hypot(u, one.spread[loss_name][i])))} without {one.description}"
         for one, off in zip(found, moved, strict=True)
-        if not abs(off) < MOVES * 2.0 * u
+        if not np.hypot(off, 2.0 * one.spread[loss_name][i]) < MOVES * 2.0 * u
     ]
-    told = "; ".join(others) or f"a fault that is possible would move it by {max(map(abs, moved)):.1g} W at most"
+    fault = "a fault that is possible would move" if found[0].doubtful else "the fault moves"
+    told = "; ".join(others) or f"{fault} it by {max(map(abs, moved)):.1g} W at most"
     return f"Total loss at {balance.grid.points.name[i]} (U = 2u): {_loss(read, 2.0 * u)} as read; {told}."
 
 

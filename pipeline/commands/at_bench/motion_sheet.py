@@ -152,7 +152,7 @@ def motion_page(sheet: MotionSheet) -> str:
     tests = "".join(f"<li><b>{as_html(title)}</b>: {as_html(question)}</li>" for title, question in sheet.tests)
     rows = "".join(_row(place, row) for place, row in enumerate(sheet.runs, 1))
     together = "ingest them into the same campaign: 'pmg run' judges all runs together"
-    alone = "judge them alone, with the cause: 'pmg run FOLDER --store STORE --report REPORT --model FILE'"
+    alone = "judge them alone, with the cause: 'pmg run FOLDER --store NEW --report REPORT --model model.toml'"
     then, apart = (alone, "that the cause makes") if sheet.confirms else (together, "by which causes differ")
     head = "The cause makes" if sheet.confirms else "Causes differ by"
     body = f"""

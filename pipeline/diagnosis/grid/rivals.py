@@ -61,8 +61,10 @@ def is_faint(diagnosis: Diagnosis) -> bool:
     makes.
     """
     naming, proof = diagnosis.naming, diagnosis.held_out
-    if proof is not None and proof.gain_interval[0] > PREDICTED * proof.rmse_before:
-        return False
+    if proof is not None:
+        low, high = proof.gain_interval
+        if PREDICTED * proof.rmse_before < low < high:  # one block alone has no interval
+            return False
     none = diagnosis.verdict is Verdict.NOT_IN_LIBRARY
     return none and naming is not None and naming.rounds[0].remainder.excess < WEAK
 

@@ -53,7 +53,7 @@ class TrackRecord:
         )
 
 
-NONE_HELD = "The cause was the closest one, or none of the catalogue,"
+NONE_HELD = "The cause was one of the closest, or none of the catalogue,"
 """What holds the truth where no known cause is given."""
 
 RECORD = {

@@ -80,7 +80,8 @@ class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
         Of an ambiguous campaign, what tells each rival from the leading cause, in order, and a shaft that is open; of
         a confounded one, what shows each mechanism that it cannot see.
     confirming : NextRun or None
-        Of a named cause, the run that shows most of it; none where no run would, or where its shaft is open.
+        Of a named cause, the run that shows most of it; none where no run would, where its shaft is open, or where it
+        is a constant that is off.
     """
 
     campaign: str

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 POINT = 2.5
 """Stretch of motion that counts as one point [s]: a campaign then has as many as a campaign of steady points."""
+HALVINGS = 30
+"""Halvings of a size at most."""
 CORRECTIONS = 6
 """Corrections of a size at most."""
 NEAR = 0.05
@@ -146,11 +148,12 @@ class SizedEffect:
 
 def _run(scene: Scene, effect: MotionEffect) -> tuple[MotionEffect, list[BenchCourse]]:
     """An effect and the runs with it; halved where a drive cannot hold a shaft with it, and the runs end nowhere."""
-    courses = scene.courses([effect])
-    while not all(np.isfinite(course.torque[side]).all() for course in courses for side in SIDES):
-        effect = replace(effect, size=0.5 * effect.size)
+    for _ in range(HALVINGS):
         courses = scene.courses([effect])
-    return effect, courses
+        if all(np.isfinite(course.torque[side]).all() for course in courses for side in SIDES):
+            return effect, courses
+        effect = replace(effect, size=0.5 * effect.size)
+    raise ValueError("a drawn bench whose runs end nowhere")
 
 
 def scale_to(yardstick: MotionYardstick, effect: MotionEffect, asked: float) -> SizedEffect:

@@ -99,11 +99,18 @@ def runs_to_tell(found: MotionEvidence, naming: TermNaming, slow_noise: SlowNois
 
 
 def run_to_confirm(found: MotionEvidence, fits: tuple[TermFit, ...], slow_noise: SlowNoise) -> NextRun | None:
-    """The run in which a named cause alone shows most for the time it takes; none where no run would show it."""
+    """The run in which a named cause alone shows most for the time it takes.
+
+    None where no run would show it, or where a part of it is a constant of the bench that is off, and no torque.
+    """
+    if any(cast("MotionTerm", fit.candidate).constants for fit in fits):
+        return None
     shown = {each: Foresight(found, each, slow_noise).evidence_for(fits) for each in proposals(found.baseline, SIDES)}
-    best = max(shown, key=lambda each: shown[each] / each.minutes)
+    strong = (each for each in shown if power_to_separate(shown[each]) >= ENOUGH)
+    if (best := max(strong, key=lambda each: shown[each] / each.minutes, default=None)) is None:
+        return None
     ids, power = tuple(sorted({fit.identifier for fit in fits})), power_to_separate(shown[best])
-    return NextRun(best.heading, best.words, best.minutes, ids, best.runs, power, ((),)) if power >= ENOUGH else None
+    return NextRun(best.heading, best.words, best.minutes, ids, best.runs, power, ((),))
 
 
 def _elsewhere(found: MotionEvidence, fits: tuple[TermFit, ...], name: str) -> tuple[TermFit, ...]:
