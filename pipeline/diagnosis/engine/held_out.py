@@ -146,8 +146,8 @@ def change_words(held: HeldOut, digits: int) -> str:
     """How an error of torques on withheld rows changes, in mN m, to go on after 'the error'."""
     before, after = (f"{1e3 * rmse:.{digits}f}" for rmse in (held.rmse_before, held.rmse_after))
     low, high = held.gain_interval
-    if before == after and low <= 0.0 <= high:
-        return f"does not drop ({before} mN m)"
+    if before == after:
+        return f"{'hardly drops' if low > 0.0 else 'does not drop'} ({before} mN m)"
     change = "drops" if low > 0.0 else "rises" if high < 0.0 else "does not clearly drop:"
     return f"{change} from {before} to {after} mN m"
 
