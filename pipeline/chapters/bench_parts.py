@@ -69,6 +69,20 @@ def asked_of(verdict: Verdict, *, repair: bool = False, test: bool = True) -> st
     return asks if test or asks != ASKS[Verdict.AMBIGUOUS] else LOOK
 
 
+OPEN = {
+    Verdict.AMBIGUOUS: "which cause makes it stays open",
+    Verdict.NOT_IN_LIBRARY: "what makes it stays open",
+}
+"""What a verdict leaves open of a difference that there is."""
+
+
+def surely_differs(verdict: Verdict, p_value: float) -> str:
+    """How sure it is that there is a difference, where what makes it is open; empty where it is not."""
+    if verdict not in OPEN:
+        return ""
+    return f"Chance makes such a difference in at most {100.0 * p_value:.1g}% of campaigns; {OPEN[verdict]}."
+
+
 def bench_parts(
     causes: Iterable[tuple[Component, str]], *, sure: bool, places: Iterable[Component] = (), signal: str = ""
 ) -> tuple[MachinePart, ...]:

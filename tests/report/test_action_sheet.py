@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from pmg.pipeline.chapters.bench_parts import CHAIN, asked_of, parts_of
+from pmg.pipeline.chapters.bench_parts import CHAIN, asked_of, parts_of, surely_differs
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.report.action_sheet import MARKS, ActionSheet, MachinePart, SheetAnswer
 from pmg.pipeline.report.document import Figure, Headline
@@ -51,6 +51,9 @@ def test_the_word_above_a_verdict_says_what_it_asks_for() -> None:
     """Each kind of work has its word; a cause that lies in the physics alone is no matter of the bench."""
     words = [asked_of(verdict) for verdict in Verdict]
     assert len(set(words)) == len(Verdict)
+    assert surely_differs(Verdict.NAMED, 0.001) == ""
+    differs = surely_differs(Verdict.AMBIGUOUS, 0.000999)
+    assert differs == "Chance makes such a difference in at most 0.1% of campaigns; which cause makes it stays open."
     assert asked_of(Verdict.NAMED) == "Use the extended model"
     assert asked_of(Verdict.NAMED, repair=True) == "Act on the bench"
     assert asked_of(Verdict.AMBIGUOUS, test=False) == asked_of(Verdict.NOT_IN_LIBRARY, test=False)

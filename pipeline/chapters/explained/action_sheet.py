@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.bench_parts import GROUNDS, SHEET, UNSETTLED, UNSETTLED_COST, bench_parts, part_words
+from pmg.pipeline.chapters.bench_parts import (
+    GROUNDS,
+    SHEET,
+    UNSETTLED,
+    UNSETTLED_COST,
+    bench_parts,
+    part_words,
+    surely_differs,
+)
 from pmg.pipeline.chapters.explained.before_after import before_and_after
 from pmg.pipeline.chapters.explained.cost import cost_of_cause, cost_of_places
 from pmg.pipeline.diagnosis.design.direct_check import nothing_yet
@@ -163,9 +171,12 @@ def _sureness(diagnosis: Diagnosis, unsettled: bool) -> Iterator[str]:
     mismatch = diagnosis.mismatch
     if unsettled:
         yield UNSETTLED
+    if mismatch.found and (differs := surely_differs(diagnosis.verdict, mismatch.p_value)):
+        yield differs
     if proof := held_out(diagnosis):
         yield proof
-    if not unsettled and (record := track_record(diagnosis)) is not None:
+    unknown = diagnosis.verdict is Verdict.NOT_IN_LIBRARY  # its record needs more words, in the chapter
+    if not unsettled and not unknown and (record := track_record(diagnosis)) is not None:
         yield record.sentence
     if diagnosis.verdict is Verdict.CONFOUNDED:
         yield "What the loss curves hold could be drift or real loss. Slow changes are neither shown nor excluded."
@@ -220,16 +231,20 @@ def _next(diagnosis: Diagnosis) -> str:
     verdict, tests = diagnosis.verdict, diagnosis.next_tests
     if verdict is Verdict.NAMED:
         test = diagnosis.confirming
-        return f"To confirm: {words_of_test(test, AGAIN)} Its sheet: {SHEET}." if test else "None is needed."
+        against = "Readings outside the band of the cause speak against it."
+        return f"To confirm: {words_of_test(test, AGAIN)} Its sheet: {SHEET}. {against}" if test else "None is needed."
     if verdict is Verdict.CONFOUNDED:
         return f"{lifting(diagnosis)} {f'Its sheet: {SHEET}.' if tests else ''}".rstrip()
     if verdict is Verdict.CONSISTENT:
         return "None is needed. `pmg design PLAN.toml` shows which plan of points would find smaller faults."
     if tests:
-        does = AGAIN if verdict is Verdict.NOT_IN_LIBRARY else APART
-        return f"{words_of_test(best_test(tests), does)} Its sheet: {SHEET}."
+        does, then = (AGAIN, "") if verdict is Verdict.NOT_IN_LIBRARY else (APART, f" {TOLD}")
+        return f"{words_of_test(best_test(tests), does)} Its sheet: {SHEET}.{then}"
     return "No test of those known tells them apart: compare with a campaign of the same bench (`pmg report A B`)."
 
+
+TOLD = "It says of each point which cause its reading speaks for."
+"""What the readings of a test that tells causes apart mean."""
 
 IN_REPEATS = 0.7
 """Part of the repeatability below which an error with a fitted curve tells that repeats hold what the curve does."""

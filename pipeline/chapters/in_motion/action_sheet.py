@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.bench_parts import GROUNDS, SHEET, parts_of
+from pmg.pipeline.chapters.bench_parts import GROUNDS, SHEET, parts_of, surely_differs
 from pmg.pipeline.chapters.in_motion.picture import clearest_part, sheet_picture
 from pmg.pipeline.diagnosis.design.direct_check import nothing_yet
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
@@ -197,8 +197,9 @@ def _sureness(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
     if not mismatch.found:
         return (f"{mismatch.tested} kinds of dependence were tested.", alarms)
     record = track_record(diagnosis, IN_MOTION)
-    held = "" if record is None else record.sentence
-    told = tuple(sentence for sentence in (proof_sentence(diagnosis), held) if sentence)
+    held = "" if record is None or diagnosis.verdict is Verdict.NOT_IN_LIBRARY else record.sentence
+    differs = surely_differs(diagnosis.verdict, mismatch.p_value)
+    told = tuple(sentence for sentence in (differs, proof_sentence(diagnosis), held) if sentence)
     return told or (f"p ≤ {mismatch.p_value:.2g}, corrected for multiple testing.", alarms)
 
 
