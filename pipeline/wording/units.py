@@ -117,16 +117,16 @@ def kind_of(topic: str, unit: str, where: str) -> str:
     raise BenchError(f"{where}: unit", f"'{unit}'", f"a unit of which {topic} is made", near_miss(unit, known))
 
 
-SMALL_TORQUE = 0.1
-"""Torque below which one is shown in thousandths [N m]."""
+SMALL = 0.1
+"""Size in an SI unit below which a value is shown in thousandths of it."""
 
 
 def displayed(unit: str, size: float, *, share: bool) -> tuple[float, str]:
     """Factor and unit, with a space before it, by which a value of a size is shown: a share of something in per cent.
 
-    A torque below `SMALL_TORQUE` is shown in mN m.
+    A torque below `SMALL` is shown in mN m.
     """
-    if unit == "N m" and abs(size) < SMALL_TORQUE:
+    if unit == "N m" and abs(size) < SMALL:
         return 1.0 / MILLI, " mN m"
     if unit != "1":
         return 1.0, f" {unit}"

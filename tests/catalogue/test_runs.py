@@ -339,5 +339,5 @@ def test_a_run_in_motion_is_no_window_that_an_analysis_lacks(store: Path) -> Non
     window = Entry({"name": "E_a", "begin_s": 0.0, "accepted": 1, "analysed": 0})
     moving = Entry({"name": "ramp", "begin_s": 1.0, "accepted": 1})
     for part, lacking in ((window, 1), (moving, 0)):
-        _, (told,) = _with_grid([Entry({"campaign": grid.campaign}, (part,))], grid)
-        assert f"it lacks {lacking} windows and has {len(grid)} others" in told.message
+        _, (remark,) = _with_grid([Entry({"campaign": grid.campaign}, (part,))], grid)
+        assert f"it lacks {lacking} windows and has {len(grid)} others" in remark.message

@@ -26,7 +26,7 @@ from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.design.foresight import Foresight
 from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun, merged, run_to_confirm
 from pmg.pipeline.diagnosis.motion.design.proposals import Proposal, proposals
-from pmg.pipeline.diagnosis.motion.design.proposed_run import ProposedRun, Reference, Swing, with_runs
+from pmg.pipeline.diagnosis.motion.design.proposed_run import ProposedRun, Reference, Swing, _with_turning, with_runs
 from pmg.pipeline.diagnosis.motion.design.unseen import smallest_told, unseen
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.evidence import OFF_SHEET, MotionEvidence, motion_evidence
@@ -103,7 +103,7 @@ def test_a_run_that_was_not_made_has_the_torque_of_the_constants_and_the_speed_t
     forward: MotionEvidence,
 ) -> None:
     for proposal in proposals(forward.baseline, ("sun", "ring")):
-        whole, first = with_runs(forward.baseline, proposal.runs)
+        whole, first = _with_turning(forward.baseline, proposal.runs)
         assert len(whole.stretches) > first
         for place in range(first, len(whole.stretches)):
             stretch = whole.stretches[place]

@@ -51,7 +51,7 @@ def test_a_reading_without_faults_stays_as_it_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("off", "told"), [(0.3, "12.3 ± 2.0 W without a fault"), (0.1, "would move it by 0.1 W at most")]
+    ("off", "told"), [(0.3, "12.3 ± 2.0 W without a fault"), (0.1, "a possible fault would change it by at most 0.1 W")]
 )
 def test_a_loss_without_a_fault_is_told_where_the_fault_moves_it(off: float, told: str) -> None:
     balance: Any = SimpleNamespace(

@@ -84,7 +84,7 @@ def cost_of_places(diagnosis: Diagnosis) -> Iterator[str]:
     """Loss by which a model is wrong where a difference was found and no cause; nothing to pay where none was."""
     mismatch, readings = diagnosis.mismatch, diagnosis.mismatch.readings
     if diagnosis.verdict is Verdict.CONFOUNDED:
-        yield "Cannot be told: a drift would be taken for losses of the gear."
+        yield "Unknown: a drift would count as losses of the gear."
     elif mismatch.locations:
         effect = np.sum([place.effect for place in mismatch.locations], axis=0)
         moving = (readings.configuration != "zero") & (effect != 0.0)

@@ -109,7 +109,7 @@ def _answers(
     elif diagnosis.verdict is Verdict.CONSISTENT:
         yield SheetAnswer("If ignored", ("Nothing: no difference beyond the noise.",))
     elif not diagnosis.mismatch.found:
-        yield SheetAnswer("If ignored", ("Cannot be told: a fault that these runs cannot show has no known size.",))
+        yield SheetAnswer("If ignored", ("Unknown: a fault that these runs cannot show has no known size.",))
 
 
 IN_THE_MODEL = {
@@ -199,8 +199,8 @@ def _sureness(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
     record = track_record(diagnosis, IN_MOTION)
     held = "" if record is None or diagnosis.verdict is Verdict.NOT_IN_LIBRARY else record.sentence
     differs = surely_differs(diagnosis.verdict, mismatch.p_value)
-    told = tuple(sentence for sentence in (differs, proof_sentence(diagnosis), held) if sentence)
-    return told or (f"p ≤ {mismatch.p_value:.2g}, corrected for multiple testing.", alarms)
+    sentences = tuple(filter(None, (differs, proof_sentence(diagnosis), held)))
+    return sentences or (f"p ≤ {mismatch.p_value:.2g}, corrected for multiple testing.", alarms)
 
 
 def _costs(

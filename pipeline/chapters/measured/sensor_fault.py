@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 MOVES = 0.1
-"""Part of its U by which a fault must move a loss to be told."""
+"""Smallest change of a loss by a fault that is listed, as a part of the U of the loss."""
 
 
 def sensor_fault_warning(found: tuple[CorrectedLosses, ...]) -> str:
@@ -41,9 +41,9 @@ def highest_loss(found: tuple[CorrectedLosses, ...], balance: PowerBalance | Non
         for one, off in zip(found, moved, strict=True)
         if not np.hypot(off, 2.0 * one.spread[loss_name][i]) < MOVES * 2.0 * u
     ]
-    fault = "a fault that is possible would move" if found[0].doubtful else "the fault moves"
-    told = "; ".join(others) or f"{fault} it by {max(map(abs, moved)):.1g} W at most"
-    return f"Total loss at {balance.grid.points.name[i]} (U = 2u): {_loss(read, 2.0 * u)} as read; {told}."
+    fault = "a possible fault would change" if found[0].doubtful else "the fault changes"
+    change = "; ".join(others) or f"{fault} it by at most {max(map(abs, moved)):.1g} W"
+    return f"Total loss at {balance.grid.points.name[i]} (U = 2u): {_loss(read, 2.0 * u)} as read; {change}."
 
 
 def _loss(value: float, expanded: float) -> str:

@@ -13,7 +13,7 @@ from pmg.pipeline.diagnosis.motion.candidates.beside import lags_of
 from pmg.pipeline.diagnosis.motion.constants import SKEW
 from pmg.pipeline.motion.lag import EQUAL_LAGS, FIRST_ORDER, Lag
 from pmg.pipeline.wording.numerals import measured
-from pmg.pipeline.wording.units import MILLI
+from pmg.pipeline.wording.units import MILLI, SMALL
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ frequency, to which sampling, its order and the damping of a coupling add a litt
 IN_ALL = "in all"
 """Name of a size that is a sum."""
 
-IN_MILLI, TENTH = {"N m": "mN m", "N m/s": "mN m/s", "s": "ms", "rad": "mrad"}, 0.1
-"""Units of which small sizes are told in thousandths, and how small."""
+IN_MILLI = {"N m": "mN m", "N m/s": "mN m/s", "s": "ms", "rad": "mrad"}
+"""Units of which small sizes are given in thousandths."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class FittedSize:
     @property
     def sentence(self) -> str:
         """As people read it."""
-        small = self.unit in IN_MILLI and abs(self.value) < TENTH
+        small = self.unit in IN_MILLI and abs(self.value) < SMALL
         scale, unit = (MILLI, IN_MILLI[self.unit]) if small else (1.0, self.unit)
 
         def told(times: int = 1) -> str:

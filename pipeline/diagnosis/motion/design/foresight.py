@@ -15,7 +15,6 @@ from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, form_margin
 from pmg.pipeline.diagnosis.motion.design.proposed_run import with_runs
 from pmg.pipeline.diagnosis.motion.design.unseen import TOLD, smallest_told, worth_knowing
 from pmg.pipeline.diagnosis.motion.noise.row_noise import row_noise
-from pmg.pipeline.diagnosis.motion.rows import held_beside
 from pmg.pipeline.diagnosis.motion.view import views_of
 
 if TYPE_CHECKING:
@@ -52,7 +51,6 @@ class Foresight:
     def _made(self) -> tuple[list[RotorView], list[RowNoise], Array]:
         """Views and noise of the new stretches, and the columns of their constants."""
         whole, first = with_runs(self.found.baseline, self.proposal.runs)
-        whole = replace(whole, stretches=(*whole.stretches, *held_beside(whole.stretches[first:])))
         places = range(first, len(whole.stretches))
         noise = [row_noise(whole, place, self.slow_noise) for place in places]
         rows = [self._unit * each.white(whole.columns(place)) for each, place in zip(noise, places, strict=True)]

@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
 from pmg.pipeline.diagnosis.motion.constants import FREE, SheetConstant, coupling_loss_name, start_name
-from pmg.pipeline.diagnosis.motion.rows import RotorRows, linear_columns, rotor_state, stretches_of
+from pmg.pipeline.diagnosis.motion.rows import RotorRows, held_beside, linear_columns, rotor_state, stretches_of
 from pmg.pipeline.motion.angle_noise import AngleNoise
 from pmg.pipeline.motion.quantisation import NO_ERROR
 from pmg.pipeline.motion.run import MovingRun
@@ -161,6 +161,8 @@ class ProposedRun:
 def with_runs(fitted: MotionBaseline, runs: tuple[ProposedRun, ...]) -> tuple[MotionBaseline, int]:
     """A baseline with the signals of runs as it predicts them, and the place of their first stretch.
 
+    Shafts that these runs hold have readings too, the last ones.
+
     Parameters
     ----------
     fitted : MotionBaseline
@@ -168,6 +170,12 @@ def with_runs(fitted: MotionBaseline, runs: tuple[ProposedRun, ...]) -> tuple[Mo
     runs : tuple of ProposedRun
         In the order in which they would be made, after the others.
     """
+    whole, first = _with_turning(fitted, runs)
+    return replace(whole, stretches=(*whole.stretches, *held_beside(whole.stretches[first:]))), first
+
+
+def _with_turning(fitted: MotionBaseline, runs: tuple[ProposedRun, ...]) -> tuple[MotionBaseline, int]:
+    """The same without the shafts that are held while the other one turns."""
     known = fitted.clean.stretches
     sheet, values = fitted.sheet, fitted.values
     made: list[RotorRows] = []

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from pmg.pipeline.diagnosis.motion.candidates.terms import torque_of_terms
 from pmg.pipeline.diagnosis.motion.design.proposed_run import with_runs
-from pmg.pipeline.diagnosis.motion.rows import held_beside
 from pmg.pipeline.diagnosis.motion.view import views_of
 
 if TYPE_CHECKING:
@@ -41,7 +39,6 @@ def torque_apart(
         The other sets; an empty one is the model without a cause.
     """
     whole, first = with_runs(found.baseline, (run,))
-    whole = replace(whole, stretches=(*whole.stretches, *held_beside(whole.stretches[first:])))
     views = views_of(whole)[first:]
     of_one, *of_others = ([torque_of_terms(view, map(_part, fits)) for view in views] for fits in (one, *others))
     return [
